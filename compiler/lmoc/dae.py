@@ -89,7 +89,7 @@ class CompiledDAE(CompiledModel):
         max_step : s, the longest step of the integrator
         step : s, the length of every step, for the solvers with fixed steps; a thousandth of the run
         sensitivities : names of parameters, and of variables at the start, by which the motion is differentiated, for
-            `run.sensitivity`; of smooth motions alone
+            `run.sensitivity`; through events, too, where they are transversal
         listener : called with the name of each stage as it begins
         progress : called now and then with the time reached and the stop time
 

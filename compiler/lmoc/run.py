@@ -42,6 +42,21 @@ class Run(Result):
             raise KeyError(f"sensitivities were not asked for: simulate(sensitivities=({by!r},))")
         return self.tangents(name, by)
 
+    def columns(self, names: str | Sequence[str] | None = None) -> dict[str, np.ndarray]:
+        """{name: (times,) values}, as of `Result`, and the derivatives asked for: of `final`, or of the names."""
+        found = super().columns(names)
+        if self.tangents is None:
+            return found
+        shown = self.final if names is None else [name for name in found if name != "time"]
+        of = {f"d({name})/d({by})": (name, by) for name in shown for by in self.tangents.directions}
+        return found | {label: self.sensitivity(*own) for label, own in of.items()}
+
+    @property
+    def final_sensitivities(self) -> dict[str, dict[str, float]]:
+        """{variable: {asked for: its last derivative}} of the variables of `final`; empty where none were asked for."""
+        by = () if self.tangents is None else tuple(self.tangents.directions)
+        return {name: {own: float(self.sensitivity(name, own)[-1]) for own in by} for name in self.final} if by else {}
+
     def save(self, path: str | Path, names: str | Sequence[str] | None = None) -> Path:
         """Write a table of the run: .csv, .npz, .parquet or .mat by the ending of the name.
 

@@ -19,11 +19,13 @@ from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.evaluate.functions import StartValues
-    from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
+    from lmoc.numerics.observe.trajectory import End, SegmentRecord, Trajectory
     from lmoc.numerics.options.options import RunOptions
     from lmoc.numerics.run.sensitivities import Direction, Sensitivities
     from lmoc.run import Run
     from lmoc.symbolic.places import Point
+
+_FINER, _FINEST = 1e-3, 1e-12  # of the run's tolerance, and at least: of the short runs over an event
 
 
 @dataclass(frozen=True)
@@ -163,22 +165,47 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
     ModelError
         E0575: they are not available, and why; E0622: there is no such parameter or variable.
     """
-    from lmoc.numerics.run.sensitivities import EXPLICIT, Sensitivities, refused, smooth_segment
+    from lmoc.numerics.run.saltation import with_events
+    from lmoc.numerics.run.sensitivities import EXPLICIT, Tangent, check_motion, refused
 
-    segment = smooth_segment(run.trajectory)
+    check_motion(run.trajectory)
     if not names:
         raise refused("nothing was named")
     at_work, prepared = session.prepare(request.parameters)
     if prepared.minimal is not None or any(d.subject is Subject.RESHAPED for d in prepared.notes):
         raise refused("a parameter that was given shapes the model", "give it when the scene is compiled")
-    directions = [_direction(at_work, request, prepared, segment, name) for name in dict.fromkeys(names)]
-    first = _start_states(session, request, segment, {}, {})
+    segment = run.trajectory.segments[0]
+    found = [_direction(at_work, request, prepared, segment, name) for name in dict.fromkeys(names)]
+    count, begin = len(segment.observer.plan.states), segment.begin
+    start = np.stack([at_start for _, at_start in found])
+    x = _start_states(session, request, segment, {}, {})[:count]
+    first = Tangent(begin, x, start[:, :count], np.nan_to_num(start[:, count:]))
     explicit = set(str(run.stats["solver"]).split(", ")) <= EXPLICIT
-    return Sensitivities(segment, first, directions, float(run.stats["rtol"]), explicit)
+    fine = max(_FINER * float(run.stats["rtol"]), _FINEST)
+
+    def flow(end: End, until: float, parameters: Mapping[str, Value]) -> Trajectory:
+        options = replace(
+            request.options, start=None, stop=None, points=None, times=[until], rtol=fine, keep=None, max_seconds=None
+        )
+        changed = {**(request.parameters or {}), **parameters}
+        own = replace(request, options=options, initial=end, parameters=changed, progress=None)
+        return simulate(session, own).trajectory
+
+    def wholes(direction: Direction, change: float) -> Trajectory:
+        options = replace(request.options, stop=None, points=None, times=[begin, run.trajectory.last[0]], keep=None)
+        changed, initial = {**(request.parameters or {}), **direction.parameters(change)}, request.initial
+        if not direction.is_parameter:
+            initial = {**(request.initial or {}), direction.name: direction.value + change}
+        own = replace(request, options=options, initial=initial, parameters=changed, progress=None)
+        return simulate(session, own).trajectory
+
+    return with_events(run.trajectory, first, [direction for direction, _ in found], explicit, flow, wholes)
 
 
-def _direction(session: Session, request: Request, prepared: Prepared, segment: SegmentRecord, name: str) -> Direction:
-    """Return what is differentiated by, with the derivatives of the states at the start."""
+def _direction(
+    session: Session, request: Request, prepared: Prepared, segment: SegmentRecord, name: str
+) -> tuple[Direction, np.ndarray]:
+    """Return what is differentiated by, with the derivatives of states and constants at the start (n + registers,)."""
     from lmoc.ir.flat import Kind
     from lmoc.numerics.run.sensitivities import STEP, Direction, changed_values, difference, refused
 
@@ -198,17 +225,16 @@ def _direction(session: Session, request: Request, prepared: Prepared, segment: 
         shifted = partial(changed_values, flat, held, variable, value, len(values))
         if any(prepared.reduced.broken_guard(shifted(k * STEP * size)[: len(prepared.values)]) for k in (-2, 2)):
             raise refused(f"the reduction assumes a value of '{name}' that it may not leave")
-        return Direction(
-            name, size, shifted,
-            difference(lambda c: _start_states(session, request, segment, {name: value + c}, {}), STEP * size),
-        )  # fmt: skip
+        start = difference(lambda c: _start_states(session, request, segment, {name: value + c}, {}), STEP * size)
+        return Direction(name, value, size, shifted, True), start
     if flat.kind[variable] != Kind.UNKNOWN or isinstance(request.initial, str) or hasattr(request.initial, "time"):
         raise refused(f"'{name}' is neither a parameter nor a variable that is free at the start")
-    states, observer = _start_states(session, request, segment, {}, {}), segment.observer
+    observer = segment.observer
+    states = _start_states(session, request, segment, {}, {})[: len(observer.plan.states)]
     value = float(observer(found, np.array([segment.begin]), states[None])[0, 0])
-    size = max(abs(value), float(np.max(np.abs(observer(found, segment.time, segment.table))))) or 1.0
+    size = max(abs(value), float(np.max(np.abs(observer(found, *segment.samples)), initial=0.0))) or 1.0
     start = difference(lambda c: _start_states(session, request, segment, {}, {name: value + c}), STEP * size)
-    return Direction(name, size, partial(same_values, values), start)
+    return Direction(name, value, size, partial(same_values, values), False), start
 
 
 def same_values(values: np.ndarray, _: float) -> np.ndarray:
@@ -223,17 +249,17 @@ def _start_states(
     parameters: Mapping[str, Value],
     initial: Mapping[str, float],
 ) -> np.ndarray:
-    """Return the states (n,) where a run starts with some values changed."""
+    """Return the states where a run starts with some values changed, and what stays as it is (n + registers,)."""
     from lmoc.numerics.run.sensitivities import refused
 
     options = replace(request.options, start=segment.begin, stop=None, points=None, times=[segment.begin], keep=None)
     given = {**(request.initial or {}), **initial} if initial else request.initial
     changed = {**(request.parameters or {}), **parameters}
     found = simulate(session, replace(request, options=options, parameters=changed, initial=given, progress=None))
-    start = found.trajectory.segments[0]
-    if len(found.trajectory.segments) > 1 or start.coordinates != segment.coordinates:
+    start = found.trajectory.segments[-1]
+    if start.coordinates != segment.coordinates:
         raise refused("the coordinates at the start depend on its values")
-    return start.table[0]
+    return np.concatenate([found.trajectory.last[1], start.observer.base])
 
 
 def _as_run(

@@ -35,6 +35,8 @@ def configure(parser: Parser) -> None:
     add("--root-locus", metavar="FILE", type=Path,
         help="draw the eigenvalues of the linear model over the values of --set k=FIRST:STEP:LAST")
     add("--units", metavar="UNIT,…", help="print and draw in these units, as mm,deg,rpm; files keep SI units")
+    add("--sensitivity", metavar="NAME,…", default="",
+        help="derivatives by these parameters and start values: at the end in the summary, over time in files")
     add("--events", action="store_true", help="list the events, and the modes of laws over time")
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the summary as JSON")
@@ -46,7 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if values:
         return _study(arguments, values)
     try:
-        run = simulate(arguments, check=partial(_found, arguments=arguments))
+        run = simulate(arguments, bool(arguments.sensitivity), partial(_found, arguments=arguments))
     except (SimulationError, RunInterrupted) as failure:
         return _failed(failure, arguments)
     _tell(run, arguments)
@@ -108,6 +110,9 @@ def _check_pictures(arguments: argparse.Namespace) -> None:
         if picture is not None:
             check_target(picture, PICTURES)
     several = any(isinstance(given, Range) for _, given in arguments.set)
+    if several and arguments.sensitivity:
+        hint = "lmoc study --sample gives the dependence over a range"
+        raise UsageError([Diagnostic("E0620", "--sensitivity is for one value of each parameter", hint=hint)])
     wrong = {"--root-locus": not several and arguments.root_locus, "--phase": several and arguments.phase}
     wrong["--spectrum"] = several and arguments.spectrum
     for option in (name for name, given in wrong.items() if given):
@@ -125,18 +130,21 @@ def _check_pictures(arguments: argparse.Namespace) -> None:
 
 def _tell(run: Run, arguments: argparse.Namespace) -> None:
     """Diagnostics, files, and the summary, in this order."""
-    from lmoc.report.summary import as_data, summary
+    from lmoc.report.summary import as_data, plain, summary
 
     if not arguments.quiet:
         terminal.show(run.notes, ("warning",) if arguments.json else ("warning", "note"))
     written = _write(run, arguments)
     if arguments.json:
-        print(json.dumps(as_data(run), indent=2, ensure_ascii=False))
+        more = {"sensitivities": plain(run.final_sensitivities)} if run.final_sensitivities else {}
+        print(json.dumps(as_data(run) | more, indent=2, ensure_ascii=False))
     elif not arguments.quiet:
         title, *rest = summary(run, arguments.units).split("\n")
         print("\n".join([terminal.styled(title, "1", sys.stdout), *rest]))
         if arguments.events:
             print(_events(run))
+        if run.final_sensitivities:
+            print(_sensitivities(run))
         if written:
             print("\n" + "\n".join(f"{what} written to {path}" for what, path in written))
 
@@ -151,6 +159,16 @@ def _events(run: Run) -> str:
     tables = [("events", event_rows(run.events)), ("modes", [] if wide else modes)]
     shown = [f"\n{title}\n{table(rows)}" for title, rows in tables if len(rows) > 1]
     return "\n".join(shown) or "\nno events"
+
+
+def _sensitivities(run: Run) -> str:
+    """The derivatives at the end as a table."""
+    from lmoc.cli.symbols import number, table
+
+    found = run.final_sensitivities
+    rows = [[name, *map(number, own.values())] for name, own in found.items()]
+    head = [f"derivatives at t = {run.time[-1]:g} s", *(f"by {name}" for name in next(iter(found.values())))]
+    return f"\n{table(rows, head)}"
 
 
 def _write(run: Run, arguments: argparse.Namespace) -> list[tuple[str, Path]]:

@@ -16,6 +16,7 @@ from lmoc.cli.arguments import (
     initial,
     positive,
 )
+from lmoc.support.quoted import split
 
 if TYPE_CHECKING:
     from lmoc.ir.flat import FlatDAE
@@ -73,7 +74,10 @@ def simulate(
         dae = (compiled if assumptions else recalled_or_compiled)(arguments, progress)
         if check is not None:
             check(dae.flat)
-        return dae.simulate(**options_of(arguments), listener=progress.stage, progress=progress.reached)
+        wanted = [name.strip() for name in split(getattr(arguments, "sensitivity", ""), ",") if name.strip()]
+        return dae.simulate(
+            **options_of(arguments), sensitivities=wanted, listener=progress.stage, progress=progress.reached
+        )
 
 
 def options_of(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -55,9 +55,10 @@ NUMERICS: dict[str, Entry] = {
     ),
     "E0575": Entry(
         "sensitivities are not available",
-        "Derivatives of a motion by parameters and start values are integrated along smooth motions: without laws and\n"
-        "events, in one choice of coordinates. Where a motion has events they jump, and where an instant depends on\n"
-        "what is asked for they are not defined by the equations of the pieces alone.",
+        "Derivatives of a motion by parameters and start values are integrated along it, in one choice of\n"
+        "coordinates, and lead over events: impacts, laws that change their mode, `when`. A motion has none where it\n"
+        "grazes a stop, where a mode is on its edge, or where impacts accumulate: values a little other lead to other\n"
+        "events.",
     ),
     "E0529": Entry(
         "bars that cannot be put together",

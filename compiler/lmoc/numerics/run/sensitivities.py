@@ -1,8 +1,8 @@
-"""Derivatives of a smooth motion by parameters and start values: the variational equations, integrated with the states.
+"""Derivatives of a motion by parameters and start values: the variational equations, integrated with the states.
 
 ``S' = f_x S + f_p`` (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I (1993), I.14), with the
 tangents of the program. What they begin with, and what variables follow from states, are functions without time:
-their derivatives are differences of order four.
+their derivatives are differences of order four. Between two segments `saltation` leads over the event.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import Diagnostic, ModelError
-from lmoc.numerics.coordinates.change import all_unknowns, with_solutions
 from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.failures.chatter import jumps
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.observe.solutions import Solutions
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
+from lmoc.numerics.options.options import MOREAU
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.signals.signals import break_times
 from lmoc.support.distinct import distinct
@@ -31,6 +31,7 @@ _AHEAD = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))
 _SHARE = 0.1  # of the run's tolerance
 _FINEST = 1e-13
 _ABSOLUTE = 1e-2  # of the relative tolerance times the size
+_ROUNDING = 1e-13  # of the largest number in a motion: what is smaller is none
 _APART = 1e4  # tolerances by which the states may differ from those of the run
 EXPLICIT = frozenset({"dop853", "taylor", "none"})
 Values = Callable[[float], np.ndarray]
@@ -43,15 +44,38 @@ class Direction:
     Attributes
     ----------
     name : of a parameter or of a variable at the start
+    value : that it has
     size : its size, of which differences take a part
     values : from its change to the parameter values (flat.count,)
-    start : (n,) derivatives of the states at the start
+    is_parameter : else it is a variable at the start
     """
 
     name: str
+    value: float
     size: float
     values: Values
-    start: np.ndarray
+    is_parameter: bool
+
+    def parameters(self, change: float) -> dict[str, float]:
+        """Return the parameters of a run in which it is changed, by name."""
+        return {self.name: self.value + change} if self.is_parameter else {}
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """A place of a motion, and its derivatives by each direction.
+
+    Attributes
+    ----------
+    x : (n,) states
+    by : (m, n) derivatives of the states
+    base : (m, registers) derivatives of what does not change between events
+    """
+
+    time: float
+    x: np.ndarray
+    by: np.ndarray
+    base: np.ndarray
 
 
 def difference(function: Callable[[float], np.ndarray], step: float) -> np.ndarray:
@@ -79,19 +103,17 @@ def changed_values(
     return np.concatenate([found, np.full(count - len(found), np.nan)])
 
 
-def smooth_segment(trajectory: Trajectory) -> SegmentRecord:
-    """Return the only segment of a motion without events.
+def check_motion(trajectory: Trajectory) -> None:
+    """See that a motion has derivatives that can be computed.
 
     Raises
     ------
     ModelError
-        E0575: the motion is not of that kind.
+        E0575: its coordinates change, its equations jump outside of events, and the like.
     """
-    segment, flat = trajectory.segments[0], trajectory.flat
-    plan = segment.observer.plan
-    if flat.laws or flat.events is not None or trajectory.events:
-        raise refused("the scene has laws or events, behind which derivatives jump")
-    if len(trajectory.segments) > 1:
+    first = trajectory.segments[0]
+    plan = first.observer.plan
+    if any(p.reduced is not first.reduced for p in trajectory.segments):
         raise refused("the coordinates change on the way")
     if plan.reduced.in_all_coordinates:
         raise refused("the loops are integrated in all their coordinates", "formulation='reduced'")
@@ -99,7 +121,23 @@ def smooth_segment(trajectory: Trajectory) -> SegmentRecord:
         raise refused("only some variables are kept of the run", "leave out keep")
     if plan.once(jumps):
         raise refused("the equations jump where a condition on the motion changes")
-    return segment
+    if plan.reduced.switched is not None and MOREAU in str(trajectory.stats["solver"]):
+        raise refused("time stepping looks at no event by itself")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A segment of the motion with its derivatives.
+
+    Attributes
+    ----------
+    tangents : (m, times, n) derivatives of the states at the output times of the segment
+    base : as in `Tangent`
+    """
+
+    segment: SegmentRecord
+    tangents: np.ndarray
+    base: np.ndarray
 
 
 class Sensitivities:
@@ -107,29 +145,17 @@ class Sensitivities:
 
     Attributes
     ----------
-    directions : by which it is differentiated
-    tangents : (directions, times, states)
+    directions : {name: by which it is differentiated}
+    parts : of its segments
     """
 
-    def __init__(
-        self, segment: SegmentRecord, first: np.ndarray, directions: Sequence[Direction], rtol: float, explicit: bool
-    ) -> None:
+    def __init__(self, directions: Sequence[Direction], parts: Sequence[Part], sizes: np.ndarray) -> None:
         """
         Parameters
         ----------
-        first : (n,) the states at the start
-        rtol, explicit : of the run: its tolerance, and whether its method was explicit
-
-        Raises
-        ------
-        ModelError
-            E0575: instants at which the equations have kinks depend on what is asked for, or the integration failed.
+        sizes : (n,) of the states
         """
-        self.segment, self.directions = segment, {d.name: d for d in directions}
-        self._sizes = np.max(np.abs(segment.samples[1]), axis=0, initial=0.0)
-        self._sizes = np.maximum(self._sizes, np.max(np.abs(segment.table), axis=0, initial=0.0))
-        self._sizes = np.where(self._sizes > 0, self._sizes, 1.0)
-        self.tangents = _Sweep(segment, directions, self._sizes, rtol, explicit).go(first)
+        self.directions, self.parts, self._sizes = {d.name: d for d in directions}, tuple(parts), sizes
 
     def __call__(self, name: str, by: str) -> np.ndarray:
         """Return the derivative (T,) of a variable by a quantity.
@@ -141,44 +167,77 @@ class Sensitivities:
         """
         if by not in self.directions:
             raise KeyError(f"sensitivities were asked for by {', '.join(self.directions)}, not by '{by}'")
-        direction, tangent = self.directions[by], self.tangents[list(self.directions).index(by)]
-        observer, segment = self.segment.observer, self.segment
-        variables = find(observer.flat, name)
+        which, variables = list(self.directions).index(by), find(self.parts[0].segment.observer.flat, name)
+        found = np.concatenate([self._of(part, self.directions[by], which, variables) for part in self.parts])
+        return found[:, 0] if len(variables) == 1 else found
+
+    def _of(self, part: Part, direction: Direction, which: int, variables: np.ndarray) -> np.ndarray:
+        """Return the derivatives (times, variables) in one segment."""
+        segment, tangent, base = part.segment, part.tangents[which], part.base[which]
         moved = np.max(np.abs(tangent) / self._sizes, initial=0.0)
         step = STEP * min(direction.size, 1.0 / moved if moved > 0 else np.inf)
 
         def values(change: float) -> np.ndarray:
-            own = shifted(observer, direction, change)
+            own = shifted(segment.observer, direction, change, base)
             return own(variables, segment.time, segment.table + change * tangent)
 
-        found = difference(values, step)
-        return found[:, 0] if len(variables) == 1 else found
+        return difference(values, step) if len(segment.time) else np.zeros((0, len(variables)))
 
 
-def shifted(observer: Observer, direction: Direction, change: float) -> Observer:
-    """Return an observer with other parameter values, nonlinear equations solved near where they were."""
-    values = direction.values(change)
-    unknowns = all_unknowns(observer.plan)
-    base = with_solutions(observer.plan.base(values, observer.signals), unknowns, observer.base[unknowns])
-    return replace(observer, values=values, base=base, solutions=Solutions())
+def sizes_of(segments: Sequence[SegmentRecord]) -> np.ndarray:
+    """Return the sizes (n,) of the states over a motion; 1 where one does not move but for rounding.
+
+    Work and heat have one size: of what hardly flows only rounding is known.
+    """
+    ledger = segments[0].observer.plan.ledger
+    tables = [np.concatenate([p.samples[1], p.table]) for p in segments]
+    found = np.max(np.abs(np.concatenate(tables)), axis=0, initial=0.0)
+    found[ledger] = np.max(found[ledger], initial=0.0)
+    return np.where(found > _ROUNDING * np.max(found, initial=0.0), found, 1.0)
 
 
-class _Sweep:
-    """States and tangents, integrated together."""
+def shifted(observer: Observer, direction: Direction, change: float, base: np.ndarray) -> Observer:
+    """Return an observer with other parameter values, nonlinear equations solved near where they were.
+
+    Parameters
+    ----------
+    base : (registers,) the derivatives of what does not change between events
+    """
+    return replace(
+        observer, values=direction.values(change), base=observer.base + change * base, solutions=Solutions()
+    )
+
+
+def base_derivatives(observer: Observer, directions: Sequence[Direction]) -> np.ndarray:
+    """Return the derivatives (m, registers) of what follows from parameters alone."""
+
+    def base(direction: Direction, change: float) -> np.ndarray:
+        return observer.plan.base(direction.values(change), observer.signals)
+
+    return np.nan_to_num(np.stack([difference(lambda c, d=d: base(d, c), STEP * d.size) for d in directions]))
+
+
+class Sweep:
+    """States and tangents, integrated together in one segment."""
 
     def __init__(
-        self, segment: SegmentRecord, directions: Sequence[Direction], sizes: np.ndarray, rtol: float, explicit: bool
-    ) -> None:
-        observer = self.observer = segment.observer
-        self.segment, self.directions, self.explicit = segment, directions, explicit
+        self, observer: Observer, directions: Sequence[Direction], base: np.ndarray, sizes: np.ndarray, rtol: float,
+        explicit: bool,
+    ) -> None:  # fmt: skip
+        """
+        Parameters
+        ----------
+        base : (m, registers) derivatives of what does not change in the segment
+        sizes : (n,) of the states
+        rtol, explicit : of the run: its tolerance, and whether its method was explicit
+        """
+        self.observer, self.directions, self.explicit = observer, directions, explicit
         self.plan, self.n, self.m = observer.plan, len(observer.plan.states), len(directions)
         self.rtol, self.sizes = max(_SHARE * rtol, _FINEST), sizes
         self.scale = np.array([d.size for d in directions])
-        changes = [difference(lambda c, d=d: self._base(d, c), STEP * d.size) for d in directions]
-        moving = np.stack([np.nan_to_num(change) for change in changes])
         own = np.isin(np.arange(self.plan.count), self.plan.parameters)
-        self.registers = np.flatnonzero(own & (moving != 0).any(axis=0))
-        self.moving = moving[:, self.registers].T * self.scale  # (registers, m)
+        self.registers = np.flatnonzero(own & (base != 0).any(axis=0))
+        self.moving = base[:, self.registers].T * self.scale  # (registers, m)
         # parameters beside the states, as what stays: so their columns are beside those of the states
         inputs = np.concatenate([self.plan.states, self.registers])
         outputs = np.concatenate([self.plan.derivatives, self.registers])
@@ -188,9 +247,6 @@ class _Sweep:
         starts, self._rows = self.system.pattern()
         self._columns = np.repeat(np.arange(self.system.n), np.diff(starts))
         self._entries = np.zeros(len(self._rows))
-
-    def _base(self, direction: Direction, change: float) -> np.ndarray:
-        return self.plan.base(direction.values(change), self.observer.signals)
 
     def _breaks(self, begin: float, end: float) -> np.ndarray:
         """Return where the equations have kinks in time.
@@ -203,7 +259,7 @@ class _Sweep:
         own = kinks.break_times(self.plan, self.observer.base, begin, end)
         for direction in self.directions:
             for sign in (-1, 1):
-                base = self._base(direction, sign * STEP * direction.size)
+                base = self.plan.base(direction.values(sign * STEP * direction.size), self.observer.signals)
                 other = kinks.break_times(self.plan, base, begin, end)
                 if len(other) != len(own) or np.any(np.abs(other - own) > 1e-12 * max(abs(begin), abs(end))):
                     raise refused(f"'{direction.name}' moves the instants at which the equations jump or have kinks")
@@ -228,36 +284,43 @@ class _Sweep:
         """Return the derivatives of the rates without those of the tangents' own matrix: for Newton's method."""
         return np.kron(np.eye(1 + self.m), self._jacobian(t, y[: self.n])[1][:, : self.n])
 
-    def go(self, first: np.ndarray) -> np.ndarray:
-        """Return the tangents (m, times, n) at the output times, from the states at the start (n,)."""
+    def go(self, at: Tangent, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states (times, n) and tangents (m, times, n) at times that lead away from a place, either way.
+
+        Raises
+        ------
+        ModelError
+            E0575: instants at which the equations have kinks depend on what is asked for, or the integration failed.
+        """
         from scipy.integrate import solve_ivp
 
-        segment, times = self.segment, self.segment.time
-        begin, end = segment.begin, float(times[-1])
-        starts = np.stack([d.start for d in self.directions]) * self.scale[:, None]
-        y = np.concatenate([first, starts.ravel()])
+        y = np.concatenate([at.x, (at.by * self.scale[:, None]).ravel()])
         found = np.full((len(times), len(y)), np.nan)
-        found[times <= begin] = y
-        edges = [begin, *(b for b in self._breaks(begin, end) if begin < b < end), end]
+        found[times == at.time] = y
+        end = float(times[-1]) if len(times) else at.time
+        sign = 1.0 if end >= at.time else -1.0
+        breaks = self._breaks(min(at.time, end), max(at.time, end))[:: int(sign)]
+        edges = [at.time, *(b for b in breaks if 0 < (b - at.time) * sign < abs(end - at.time)), end]
         atol = _ABSOLUTE * self.rtol * np.tile(self.sizes, 1 + self.m)
         method = {"method": "DOP853"} if self.explicit else {"method": "Radau", "jac": self.matrix}
         for a, b in zip(edges, edges[1:], strict=False):
-            if not b > a:
+            if a == b:
                 continue
-            inside = (times > a) & (times <= b)
-            margin = 4e-15 * max(abs(a), abs(b))  # on this side of the kinks
-            asked = np.clip(times[inside], a + margin, b - margin)
-            grid = np.unique(np.append(asked, b - margin))
+            inside = ((times - a) * sign > 0) & ((b - times) * sign >= 0)
+            margin = sign * 4e-15 * max(abs(a), abs(b))  # on this side of the kinks
+            asked = np.clip(times[inside], *sorted((a + margin, b - margin)))
+            grid = np.unique(np.append(asked, b - margin))[:: int(sign)]
             result = solve_ivp(self.rhs, (a + margin, b - margin), y, t_eval=grid, rtol=self.rtol, atol=atol, **method)
             if not result.success or not np.isfinite(result.y).all():
-                raise refused(f"their integration failed behind t = {a:g} s: {result.message}")
-            found[inside], y = result.y.T[np.searchsorted(grid, asked)], result.y[:, -1]
-        self._agree(found[:, : self.n])
+                raise refused(f"their integration failed from t = {a:g} s: {result.message}")
+            places = np.searchsorted(grid[:: int(sign)], asked)
+            found[inside], y = result.y[:, :: int(sign)].T[places], result.y[:, -1]
         tangents = found[:, self.n :].reshape(len(times), self.m, self.n)
-        return np.moveaxis(tangents, 1, 0) / self.scale[:, None, None]
+        return found[:, : self.n], np.moveaxis(tangents, 1, 0) / self.scale[:, None, None]
 
-    def _agree(self, states: np.ndarray) -> None:
-        """Refuse tangents along another motion than that of the run."""
-        apart = np.abs(states - self.segment.table) / self.sizes
-        if not np.max(apart, initial=0.0) <= _APART * max(10 * self.rtol, 1e-12):
-            raise refused("the motion depends on its values so much that it cannot be repeated within its tolerance")
+
+def agree(states: np.ndarray, table: np.ndarray, sizes: np.ndarray, rtol: float) -> None:
+    """Refuse tangents along another motion (times, n) than that of the run."""
+    apart = np.abs(states - table) / sizes
+    if not np.max(apart, initial=0.0) <= _APART * max(rtol, 1e-12):
+        raise refused("the motion depends on its values so much that it cannot be repeated within its tolerance")
