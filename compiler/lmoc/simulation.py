@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc import pipeline
+from lmoc.ir.flat import FlatDAE
 from lmoc.ir.names import hint_for
 from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, RunInterrupted, SimulationError, Subject
@@ -279,8 +281,15 @@ def _as_run(
         origin = replace(prepared, reduced=prepared.minimal or prepared.reduced, minimal=None)
         return run_prepared(session, origin, replace(request, options=finer, progress=None), Clock())
 
+    def extended(flat: FlatDAE, inputs: Mapping[str, float]) -> Run:
+        own = Session(session.scene, flat, Clock())
+        values = np.concatenate([prepared.values[: prepared.flat.count], own.values[prepared.flat.count :]])
+        reduced = pipeline.reduce(flat, values, session.scene.states, Clock())
+        wanted = replace(request, inputs={**(request.inputs or {}), **inputs}, progress=None)
+        return run_prepared(own, Prepared(flat, reduced, values), wanted, Clock())
+
     notes = *session.flat.notes, *prepared.reduced.notes, *prepared.notes, *report.diagnostics, *trajectory.notes
     lower, start = (float(trajectory.stats[f"{stage}_seconds"]) for stage in ("lower", "start"))
     spent = {**request.compiled, **clock.seconds}
     spent |= {"lower": spent["lower"] + lower, "start": start, "simulate": spent["simulate"] - lower - start}
-    return Run(prepared.reduced, trajectory, tuple(dict.fromkeys(notes)), spent, broke_off, again)
+    return Run(prepared.reduced, trajectory, tuple(dict.fromkeys(notes)), spent, broke_off, again, extended)

@@ -189,6 +189,46 @@ def test_constraints_hold_while_a_mechanism_is_dragged():
         assert all(run[name][0] == pytest.approx(value, abs=1e-9) for name, value in init.items())
 
 
+def test_the_hand_pulls_while_the_scene_runs_and_the_address_gives_the_same_run(suspension):
+    _, html = suspension
+    seen = open_page(html, FACTS + DRAG + """
+      const svg = document.querySelector("#stage svg"), b = box("#stage .mass path");
+      svg.setPointerCapture = () => {};
+      const send = (type, k) => svg.dispatchEvent(new PointerEvent(type, {
+        bubbles: true, clientX: b.left + 9, clientY: b.top + 9 - k, button: 0, buttons: 1, pointerId: 1 }));
+      $("play").click();
+      await frames(4);
+      send("pointerdown", 0);
+      let drawn = "";
+      for (let k = 1; k <= 30; k++) {
+        send("pointermove", 8 * Math.min(k, 10));
+        await frames(1);
+        drawn = drawn || document.querySelector(".hand").getAttribute("d") || "";
+      }
+      const playing = $("play").getAttribute("aria-pressed");
+      send("pointerup", 80);
+      $("play").click();
+      await idle();
+      const energy = [...document.querySelectorAll("figcaption")].at(-1).textContent, hash = location.hash;
+      const at = (t) => {
+        $("time").value = String(t);
+        $("time").dispatchEvent(new Event("input"));
+        return value("q1");
+      };
+      const first = at(1.5), gone = document.querySelector(".hand").getAttribute("d");
+      $("reset").click(); await idle();
+      const free = at(1.5);
+      location.hash = hash; await frames(3); await idle();
+      return { drawn, playing, energy, hash, first, free, again: at(1.5), gone };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == [] and found["playing"] == "true"
+    assert found["drawn"].startswith("M") and found["gone"] == ""
+    assert "pull=" in found["hash"] and ",wheel," in found["hash"]
+    assert float(found["energy"].split()[-1]) < 1e-4
+    assert found["again"] == pytest.approx(found["first"], rel=1e-4) and found["first"] != found["free"]
+
+
 def test_a_mass_on_a_string_is_dragged_no_farther_than_the_string_is_long():
     dae = lmoc.compile_text("""
     model M

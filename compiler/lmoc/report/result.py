@@ -47,6 +47,7 @@ class Result:
         timings: Mapping[str, float] | None = None,
         broke_off: float | None = None,
         again: Callable[[np.ndarray], Result] | None = None,
+        extended: Callable[[FlatDAE, Mapping[str, float]], Result] | None = None,
     ):
         self.flat: FlatDAE = reduced.flat
         self.reduced = reduced
@@ -54,12 +55,13 @@ class Result:
         self.time: np.ndarray = trajectory.time
         self._notes = (*notes, *coarse_points(trajectory.stats, len(self.time), broke_off is None))
         self._again = again  # the same run with other output times
+        self.extended = extended  # the same run of its flat model with more in it, and the inputs for that
         self.timings = dict(timings or {})
         self.events: tuple = tuple(trajectory.events)
         self.broke_off = broke_off
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_again": None}  # a run that has been pickled stays as it is
+        return {**self.__dict__, "_again": None, "extended": None}  # a run that has been pickled stays as it is
 
     @cached_property
     def fine(self) -> Result:

@@ -9,13 +9,13 @@ from __future__ import annotations
 import json
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import asdict, field
+from dataclasses import asdict, field, replace
 from typing import Any
 
 import numpy as np
 
 from lmoc.ir.flat import Kind
-from lmoc.messages.diagnostics import ModelError
+from lmoc.messages.diagnostics import ModelError, SimulationError
 from lmoc.report.events import events_data
 from lmoc.report.plots import choose
 from lmoc.report.result import Result
@@ -25,6 +25,7 @@ from lmoc.support.records import dataclass
 from lmoc.symbolic.styles import unit_text
 from lmoc.view.javascript.script import NotWritten, Script, write_script
 from lmoc.view.javascript.sliders import sliders
+from lmoc.view.page.hands import hands_data, of_origin, run_with_hands
 from lmoc.view.page.modes import modes_data
 from lmoc.view.page.parts import parts_data
 from lmoc.view.scene.compose import picture_of
@@ -73,7 +74,7 @@ def contents(run: Result, title: str) -> Contents:
     shown = [name for name in _plain_names(run, choose(run))][:MOST_SHOWN]
     picture = _picture(run, missing)
     moving = _movers(picture)
-    script, reason = _script(run)
+    script, reason, hands = _script(run, picture)
     table = _Table.of(run, [*shown, *moving], script, missing)
     energy = _energy(run, table)
     if not np.isfinite(table.values).all():
@@ -95,7 +96,7 @@ def contents(run: Result, title: str) -> Contents:
         "checkTimes": table.check_times.tolist(),
         "sizes": table.sizes(),
         "parts": parts_data(run, [] if picture is None else [item.part for item in picture.items if item.part]),
-        "script": _script_data(run, script, reason),
+        "script": _script_data(run, script, reason) | {"hands": hands},
     }
     return Contents(data, "null" if script is None else _function(script), missing)
 
@@ -337,18 +338,38 @@ def _short(value: float) -> float:
 # ---------------------------------------------------------------------- the page's own simulation
 
 
-def _script(run: Result) -> tuple[Script | None, str]:
-    """Return the run as JavaScript, or why there is none."""
+def _script(run: Result, picture: Picture | None) -> tuple[Script | None, str, list[dict[str, Any]]]:
+    """Return the run as JavaScript, or why there is none, and what can be pulled in it."""
     if len(run.time) < 2 or not len(run.trajectory.segments[0].time):
-        return None, "the run has fewer than two output times"
+        return None, "the run has fewer than two output times", []
     try:
         script = write_script(run.trajectory)
     except NotWritten as error:
-        return None, str(error)
-    size = len(script.text) + len(json.dumps(script.data))
-    if size > MOST_SCRIPT:
-        return None, f"the scene is too large to be simulated in a page (its equations take {size / 1e6:.1f} MB)"
-    return script, ""
+        return None, str(error), []
+    if _size(script) > MOST_SCRIPT:
+        size = f"{_size(script) / 1e6:.1f} MB"
+        return None, f"the scene is too large to be simulated in a page (its equations take {size})", []
+    return _with_hands(run, picture) or (script, "", [])
+
+
+def _with_hands(run: Result, picture: Picture | None) -> tuple[Script, str, list[dict[str, Any]]] | None:
+    """Return the script of the run in which parts of the picture can be pulled; None where that cannot be had."""
+    moving = [i.part for i in (picture.items if picture else ()) if i.part and any(e.moves for e in i.ends)]
+    try:
+        found = run_with_hands(run, list(dict.fromkeys(moving)))
+        script = None if found is None else write_script(found[0].trajectory)
+    except (NotWritten, ModelError, SimulationError):
+        return None  # the scene runs, but not with springs at its parts: nothing is pulled
+    if found is None or script is None or _size(script) > MOST_SCRIPT:
+        return None
+    held, hands = found
+    data = hands_data(run, hands, script.registers)
+    slots, registers = (of_origin(numbers, run, held) for numbers in (script.slots, script.registers))
+    return replace(script, slots=slots, registers=registers), "", data
+
+
+def _size(script: Script) -> int:
+    return len(script.text) + len(json.dumps(script.data))
 
 
 def _script_data(run: Result, script: Script | None, reason: str) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from lmoc.report.result import Result
 
 MOST_PARTS = 200
 MOST_EQUATIONS = 12
-OWN = ("equation", "binding", "law", "argument")  # origins of the equations that a part's text holds
+OWN = ("equation", "binding", "argument")  # origins of the equations that a part's text holds
 OF_THE_LEDGER = ("energy", "loss", "power")  # variables that the equations of motion do without
 
 
@@ -22,19 +22,19 @@ def parts_data(run: Result, names: Iterable[str]) -> list[dict[str, Any]]:
     wanted = list(dict.fromkeys(names))[:MOST_PARTS]
     numbers = _numbers(flat, set(wanted))
     written: dict[int, list[str]] = {}
-    for item in (*flat.groups, *flat.laws):
-        if item.span is not None and getattr(item, "origin", "law") in OWN:
-            text = " ".join(item.span.text.split()).rstrip(";")
-            if text.split("=")[0].strip() not in OF_THE_LEDGER:
-                written.setdefault(item.part, []).append(text)
+    own = [(g.part, g.span) for g in flat.groups if g.origin in OWN] + [(law.part, law.span) for law in flat.laws]
+    for number, span in own:
+        text = "" if span is None else " ".join(span.text.split()).rstrip(";")
+        if text and text.split("=")[0].strip() not in OF_THE_LEDGER:
+            written.setdefault(number, []).append(text)
     found = []
     for name in wanted:
-        part = numbers.get(name)
-        if part is not None:
-            own = flat.parts[part]
-            equations = list(dict.fromkeys(written.get(part, ())))[:MOST_EQUATIONS]
-            short = own.class_name.rpartition(".")[2]
-            found.append({"name": name, "class": short, "text": own.description, "equations": equations})
+        known = numbers.get(name)
+        if known is not None:
+            part = flat.parts[known]
+            equations = list(dict.fromkeys(written.get(known, ())))[:MOST_EQUATIONS]
+            short = part.class_name.rpartition(".")[2]
+            found.append({"name": name, "class": short, "text": part.description, "equations": equations})
     return found
 
 

@@ -1,6 +1,6 @@
 // The state of the page as the fragment of its address, to be shared: #t=1.5&set=spring.k:60&show=mass.q
 
-/** The fragment of {t, speed, set, init, against, show, over, part, forces}; what is as at the beginning is left out. */
+/** The fragment of {t, speed, set, init, pulls, against, show, over, part, forces}; what is as at the beginning is left out. */
 export function write(state) {
   const parts = [];
   const add = (key, value) => parts.push(`${key}=${value}`);
@@ -9,6 +9,7 @@ export function write(state) {
   if (state.speed !== 1) add("speed", state.speed);
   if (Object.keys(state.set).length) add("set", values(state.set));
   if (Object.keys(state.init).length) add("init", values(state.init));
+  if (state.pulls.length) add("pull", state.pulls.map(([t, part, own]) => [t, encodeURIComponent(part), ...own].join(",")).join(";"));
   if (state.against !== null) {
     add("against", values(state.against.set));
     if (Object.keys(state.against.init).length) add("from", values(state.against.init));
@@ -22,7 +23,7 @@ export function write(state) {
 
 /** The state of a fragment; whatever is not understood is left as at the beginning. */
 export function read(fragment) {
-  const state = { t: 0, speed: 1, set: {}, init: {}, against: null, show: null, over: "", part: "", forces: false };
+  const state = { t: 0, speed: 1, set: {}, init: {}, pulls: [], against: null, show: null, over: "", part: "", forces: false };
   let from = {};
   for (const part of fragment.replace(/^#/, "").split("&")) {
     const [key, value = ""] = part.split("=", 2);
@@ -30,6 +31,7 @@ export function read(fragment) {
     if (key === "speed" && Number(value) > 0) state.speed = Number(value);
     if (key === "set") state.set = values(value);
     if (key === "init") state.init = values(value);
+    if (key === "pull") state.pulls = pulls(value);
     if (key === "against") state.against = { set: values(value), init: {} };
     if (key === "from") from = values(value);
     if (key === "over") state.over = decoded(value);
@@ -39,6 +41,14 @@ export function read(fragment) {
   }
   if (state.against !== null) state.against.init = from;
   return state;
+}
+
+function pulls(text) {
+  return text.split(";").flatMap((entry) => {
+    const [t, part, ...own] = entry.split(",");
+    const numbers = [t, ...own].map(Number);
+    return part && numbers.every(Number.isFinite) ? [[numbers[0], decoded(part), numbers.slice(1)]] : [];
+  });
 }
 
 function values(text) {

@@ -32,6 +32,8 @@ class Page {
     this.given = this.answer = givenAnswer(data);
     this.against = null; // {set, init, answer} of the run that is recorded
     this.init = {}; // states at the start that the hand has given
+    this.pulls = []; // [t, part, signals] of the hand while the scene ran
+    this.pulling = null; // {to, begun} while it does
     this.dragged = null; // {item, vertex, …} of what the hand holds
     this.forces = false;
     this.serial = 0;
@@ -166,7 +168,7 @@ class Page {
   }
 
   /** … and what does. */
-  async putRuns({ set, init, against, t }) {
+  async putRuns({ set, init, pulls, against, t }) {
     if (this.engine === null) return;
     const { times } = this;
     this.against = null;
@@ -174,7 +176,7 @@ class Page {
       const found = await this.engine.ask("run", { times, values: against.set, initial: against.init });
       if (found !== null) this.against = { ...against, answer: revived(found) };
     }
-    this.init = init;
+    Object.assign(this, { init, pulls });
     this.sliders.setAll(set);
     await this.simulate();
     this.player.seek(this.player.begin + t);
@@ -182,18 +184,22 @@ class Page {
 
   /** Run with the values of the sliders, and from the start that was given. */
   async simulate() {
-    const { sliders, init, times, given } = this;
+    const { sliders, init, pulls, times, given } = this;
     const values = { ...sliders.values };
-    const moved = Object.keys(values).length + Object.keys(init).length > 0;
+    const moved = Object.keys(values).length + Object.keys(init).length + pulls.length > 0;
     const serial = ++this.serial;
-    const found = moved ? await this.engine.ask("run", { times, values, initial: init }) : given;
+    const found = moved ? await this.engine.ask("run", { times, values, initial: init, pulls }) : given;
     if (found === null || serial !== this.serial) return; // a later one has taken its place
-    this.answer = moved ? revived(found) : given;
+    this.putAnswer(moved ? revived(found) : given, moved);
+  }
+
+  putAnswer(answer, moved) {
+    this.answer = answer;
     this.player.end = this.answer.time.at(-1) ?? this.player.end;
     $("time").max = String(this.player.end);
     $("trouble").textContent = moved && this.answer.reason ? `With these values: ${this.answer.reason}.` : "";
     $("reset").disabled = !moved;
-    this.starts.put(init, this.answer);
+    this.starts.put(this.init, this.answer);
     this.draw();
     this.remember();
   }
@@ -206,6 +212,7 @@ class Page {
 
   reset() {
     this.init = {};
+    this.pulls = [];
     this.sliders?.setAll({});
   }
 
@@ -245,13 +252,14 @@ class Page {
   }
 
   fragment() {
-    const { player, chooser, data, against, forces, init, card } = this;
+    const { player, chooser, data, against, forces, init, pulls, card } = this;
     const same = chooser.shown.join() === data.shown.join();
     return write({
       t: player.t - player.begin,
       speed: player.speed,
       set: this.sliders?.values ?? {},
       init,
+      pulls,
       against,
       show: same ? null : chooser.shown,
       over: "",
@@ -278,22 +286,38 @@ class Page {
 
   // ---------------------------------------------------------------- the hand
 
-  /** Take an item at a place of the picture; whether it can be taken. */
+  /** Take an item at a place of the picture: whether it can be taken. While the scene runs the hand pulls at it. */
   take(k, place) {
     const { player, engine, motion, swing } = this;
     const item = this.data.picture.items[k];
     if (engine === null || swing !== null || !canBeTaken(item)) return false;
-    if (player.playing) player.pause();
-    player.seek(player.begin);
-    const vertex = motion.vertex(item, place, this.places(player.begin));
+    const pulls = player.playing && this.data.script.hands.some(({ part }) => part === item.part);
+    if (!pulls) {
+      if (player.playing) player.pause();
+      player.seek(player.begin);
+    }
+    const vertex = motion.vertex(item, place, this.places(player.t));
     const { names, references, extremes } = motion;
     this.dragged = { item: k, vertex, motion: { names, references, extremes } };
     this.stage.parts[k].group.classList.add("held");
+    if (pulls) this.grab(place);
     return true;
   }
 
+  /** Begin to pull. */
+  grab(place) {
+    const { times, init, pulls, player, engine, dragged } = this;
+    this.pulling = { to: place };
+    const setup = { times, values: { ...this.sliders.values }, initial: init, pulls, t: player.t, speed: player.speed };
+    engine.ask("grab", { ...dragged, ...setup });
+  }
+
   async move(to) {
-    const { dragged, engine } = this;
+    const { dragged, engine, pulling } = this;
+    if (pulling !== null) {
+      pulling.to = to;
+      return;
+    }
     const found = await engine.ask("reach", { ...dragged, to, values: { ...this.sliders.values }, initial: this.init });
     if (found === null || this.dragged === null) return;
     this.init = found.initial;
@@ -302,10 +326,29 @@ class Page {
     this.starts.put(this.init, here);
   }
 
-  drop() {
+  /** A frame of the scene with the hand in it. */
+  async pullUntil(t) {
+    const { engine, pulling } = this;
+    const found = await engine.ask("pull", { to: pulling.to, t });
+    if (found === null || this.pulling !== pulling) return;
+    this.stage.show(this.motion, revived(found).reader(this.movers)(t));
+    this.stage.showHand(found.at, pulling.to);
+  }
+
+  async drop() {
     this.stage.parts[this.dragged.item].group.classList.remove("held");
     this.dragged = null;
-    this.simulate();
+    if (this.pulling === null) {
+      this.simulate();
+      return;
+    }
+    const serial = ++this.serial;
+    const found = await this.engine.ask("letGo", {});
+    this.pulling = null;
+    this.stage.showHand(null);
+    if (found === null || serial !== this.serial) return;
+    this.pulls = found.pulls;
+    this.putAnswer(revived(found), true);
   }
 
   // ---------------------------------------------------------------- showing
@@ -361,6 +404,10 @@ class Page {
     $("time").value = String(t);
     $("time").setAttribute("aria-valuetext", `${t.toFixed(3)} seconds`);
     $("now").textContent = `t = ${t.toFixed(3)} s`;
+    if (this.pulling !== null) {
+      this.pullUntil(t);
+      return;
+    }
     if (this.motion !== null) {
       const values = this.swing === null ? this.places(t) : this.swing.at(t);
       this.stage.show(this.motion, values, this.swing === null ? (this.otherPlaces?.(t) ?? null) : null);

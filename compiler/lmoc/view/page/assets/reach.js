@@ -19,7 +19,7 @@ const MISSED_GAP = 1e-9; // by which a gap may be missed
 export function reach(scene, x, point, to) {
   const { begin, laws } = scene.data;
   const gaps = (laws?.gap ?? []).filter((register) => register >= 0);
-  scene.happenings?.laws?.gauge.hold(); // positions alone count, whatever is closed
+  scene.dynamics?.laws?.kinematics.hold(); // positions alone count, whatever is closed
   const measure = (state) => {
     const w = scene.observe(begin, state);
     const [px, py] = point(w);

@@ -37,10 +37,10 @@ export class Repeater {
     });
   }
 
-  /** The answer at `times` for parameter values and states at the start, both {name: value}. */
-  run(times, values, initial = {}) {
+  /** The answer at `times` for parameter values and states at the start, both {name: value}, and the pulls of a hand. */
+  run(times, values, initial = {}, pulls = []) {
     const began = this.now();
-    const limits = { deadline: began + LIMIT, now: this.now, initial };
+    const limits = { deadline: began + LIMIT, now: this.now, initial, pulls };
     const run = simulate(this.scene, this.slotsOf(values), times, this.registers, limits);
     this.spent = this.now() - began;
     return this.answer(run.time, run.columns, run);

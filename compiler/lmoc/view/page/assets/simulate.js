@@ -26,9 +26,10 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
   return new Run(scene, times, wanted, limits).go(changed);
 }
 
-class Run {
-  constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 1_000_000, initial = {} }) {
-    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, initial, watch: null, tried: new Set() });
+/** A run; `pulls` are [t, [[register, value], …]], from when on signals of the hand have which values. */
+export class Run {
+  constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 1_000_000, initial = {}, pulls = [] }) {
+    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, initial, pulls, pulled: 0, horizon: Infinity, watch: null, tried: new Set() });
     this.registers = [wanted]; // of each choice of coordinates
     for (const other of scene.choices.slice(1)) {
       const observed = new Map(other.data.observed);
@@ -41,20 +42,29 @@ class Run {
   }
 
   go(changed) {
+    for (const _ of this.stretches(changed));
+    return this.result();
+  }
+
+  /** Run, and wait wherever the `horizon` has been reached. */
+  *stretches(changed) {
     const { scene } = this;
-    let ended = false;
+    this.ended = false;
     try {
       const x = scene.start(changed, this.initial);
       this.reason = scene.refused();
       if (this.reason === "" && x.some((v) => !Number.isFinite(v))) this.reason = "there is no start with these values";
       this.signs = signsOf(scene.blocks);
-      if (this.reason === "") this.pieces(x);
+      if (this.reason === "") yield* this.pieces(x);
     } catch (stopped) {
       if (!(stopped instanceof Stopped)) throw stopped;
-      ended = !stopped.fails;
-      this.reason = ended ? "" : stopped.message;
+      this.ended = !stopped.fails;
+      this.reason = this.ended ? "" : stopped.message;
     }
-    const { reached, reason, steps, evaluations } = this;
+  }
+
+  result() {
+    const { scene, ended, reached, reason, steps, evaluations } = this;
     const columns = this.columns.map((column) => column.subarray(0, reached));
     const complete = reason === "" && (ended || reached === this.times.length);
     const { records = [], modes = [] } = scene.dynamics ?? {};
@@ -68,15 +78,32 @@ class Run {
     this.reached++;
   }
 
+  /** Give the signals of the hand the values that they have from a time on; the states behind that. */
+  pull(t, x) {
+    const { scene, pulls } = this;
+    if (!(pulls[this.pulled]?.[0] <= t)) return x;
+    for (; pulls[this.pulled]?.[0] <= t; this.pulled++) {
+      for (const [register, value] of pulls[this.pulled][1]) scene.w[register] = value;
+    }
+    scene.blocks.changes++;
+    const laws = scene.dynamics?.laws ?? null;
+    if (laws === null) return x;
+    const [behind, events] = laws.happen(t, x, []); // a force that jumps may close or open them
+    scene.dynamics.records.push(...events);
+    return behind;
+  }
+
   /** Go from event to event. */
-  pieces(from) {
+  *pieces(from) {
     const { times } = this;
     const { dynamics, data } = this.scene;
     let x = from;
     let begin = data.begin;
     this.watched(begin, x);
     for (;;) {
-      const end = dynamics?.until ?? data.end;
+      x = this.pull(begin, x);
+      const until = dynamics?.until ?? data.end;
+      const end = Math.min(until, this.horizon, this.pulls[this.pulled]?.[0] ?? Infinity);
       while (this.reached < times.length && times[this.reached] <= begin) this.record(times[this.reached], x);
       const roots = dynamics?.roots(begin, x) ?? null;
       let outcome = this.piece(begin, x, end, roots);
@@ -88,6 +115,11 @@ class Run {
         x = this.otherCoordinates(outcome);
         if (x === null) return;
         begin = outcome.t;
+        continue;
+      }
+      if (end < until && outcome.which === null) {
+        [begin, x] = [outcome.t, outcome.x];
+        if (end === this.horizon) yield { t: begin, x };
         continue;
       }
       if (dynamics !== null) outcome = dynamics.together(outcome, roots);

@@ -2,6 +2,7 @@
 
 import { difference } from "./answer.js";
 import { Motion } from "./motion.js";
+import { Pull, pullsOf } from "./pull.js";
 import { reach } from "./reach.js";
 import { Repeater } from "./repeat.js";
 
@@ -26,7 +27,8 @@ class Work {
     this.units = new Map(variables.map((v) => [v.name, v.unit]));
     this.picture = picture;
     this.repeater = new Repeater(script, make, { variables }, () => performance.now());
-    this.drag = null;
+    this.hands = script.hands;
+    this.pulling = null;
   }
 
   /** The run itself, and by how much it differs from the compiler's. */
@@ -36,8 +38,32 @@ class Work {
     return { reason: again.reason, missed, times: this.repeater.timesOf(given) };
   }
 
-  run({ times, values, initial }) {
-    return this.repeater.run(times, values, initial);
+  run({ times, values, initial, pulls = [] }) {
+    return this.repeater.run(times, values, initial, pullsOf(this.hands, pulls));
+  }
+
+  /** Begin to pull at a part at a time; whether it can be pulled. */
+  grab({ t, motion, item, vertex, speed, ...setup }) {
+    const own = this.picture.items[item];
+    const hand = this.hands.find(({ part }) => part === own.part);
+    if (hand === undefined) return false;
+    const moves = new Motion(this.picture, motion.names, motion.references, motion.extremes);
+    const grip = { hand, item: own, vertex, motion: moves, read: this.reader(motion.names), speed };
+    this.pulling = new Pull(this.repeater, setup, grip, t);
+    return !this.pulling.done;
+  }
+
+  /** Pull towards a place of the picture until a time; null where the run has ended. */
+  pull({ to, t }) {
+    const found = this.pulling.to(to, t);
+    if (found === null) return null;
+    const columns = this.repeater.registers.map((register) => Float64Array.of(found.w[register]));
+    return { ...this.repeater.answer(Float64Array.of(found.t), columns), at: found.at };
+  }
+
+  /** Let go: the answer, and what has been pulled. */
+  letGo() {
+    return this.pulling.letGo();
   }
 
   /**
@@ -59,11 +85,14 @@ class Work {
 
   /** Where a point of an item is in the picture, as a function of the registers. */
   pointOf(motion, names, item, vertex) {
+    const read = this.reader(names);
+    return (w) => motion.point(item, vertex, read(w));
+  }
+
+  /** The values of variables as a function of the registers. */
+  reader(names) {
     const known = new Map(this.repeater.variables.map((v) => [v.name, v]));
-    const read = names.map((name) => known.get(name) ?? {});
-    return (w) => {
-      const values = read.map(({ register, value }) => (register === undefined ? (value ?? NaN) : w[register]));
-      return motion.point(item, vertex, values);
-    };
+    const places = names.map((name) => known.get(name) ?? {});
+    return (w) => places.map(({ register, value }) => (register === undefined ? (value ?? NaN) : w[register]));
   }
 }

@@ -1,0 +1,182 @@
+"""The hand that pulls in a page: what it adds to a scene, against the same spring written in the model."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracles.node import needs_node, run_script
+from scipy.integrate import solve_ivp
+
+import lmoc
+from lmoc.view.page.contents import contents
+from lmoc.view.page.hands import run_with_hands, with_hands
+from lmoc.view.page.join import joined
+
+MODELS = Path(__file__).parents[2] / "models"
+
+LINE = """
+model M
+  Fixed wall;
+  Spring spring(k = 30);
+  Damper damper(c = 0.4);
+  Mass body(m = 2, q(start = 0.1, fixed = true), v(start = 0, fixed = true));
+  HAND
+equation
+  connect(wall.flange, spring.a); connect(spring.b, body.flange);
+  connect(wall.flange, damper.a); connect(damper.b, body.flange);
+  CONNECTED
+  annotation(experiment(StopTime = 3));
+end M;
+"""
+SHAFT = """
+model M
+  Inertia body(J = 0.3, theta(start = 0.2, fixed = true), omega(start = 1, fixed = true));
+  TorsionSpring spring(k = 2);
+  FixedShaft wall;
+  HAND
+equation
+  connect(wall.shaft, spring.a); connect(spring.b, body.shaft);
+  CONNECTED
+  annotation(experiment(StopTime = 3));
+end M;
+"""
+PLANE = """
+model M
+  import Planar.*;
+  inner World world(g = 9.81);
+  Ground ground;
+  Revolute pin(phi(start = -0.4, fixed = true), omega(start = 0, fixed = true));
+  Body body(m = 1.5, J = 0.2, cx = 0.5);
+  HAND
+equation
+  connect(ground.frame, pin.a); connect(pin.b, body.frame);
+  CONNECTED
+  annotation(experiment(StopTime = 3));
+end M;
+"""
+CASES = {
+    "line": (LINE, "Spring hand(k = 12); Fixed held(q0 = 0.4);",
+             "connect(held.flange, hand.b); connect(body.flange, hand.a);", (12, 0.4), "body.q"),
+    "shaft": (SHAFT, "TorsionSpring hand(k = 1.5); FixedShaft held(theta0 = 0.7);",
+              "connect(held.shaft, hand.b); connect(body.shaft, hand.a);", (1.5, 0.7), "body.theta"),
+    "frame": (PLANE, "Spring hand(k = 25); Anchor held(x = 0.9, y = 0.3); PointOf at(rx = 0.8, ry = 0.1);",
+              "connect(body.frame, at.frame); connect(at.point, hand.a); connect(hand.b, held.point);",
+              (25, 0.9, 0.3, 0.8, 0.1), "pin.phi"),
+}  # fmt: skip
+
+
+def of(text: str, hand: str = "", connected: str = "") -> str:
+    return text.replace("HAND", hand).replace("CONNECTED", connected)
+
+
+@pytest.mark.parametrize("kind", CASES)
+def test_a_hand_is_the_spring_that_a_model_would_have_there(kind):
+    text, hand, connected, signals, watched = CASES[kind]
+    run = lmoc.compile_text(of(text)).simulate(points=60, rtol=1e-9)
+    extended, hands, nothing = with_hands(run.flat, ["body"])
+    assert [h.kind for h in hands] == [kind] and not any(nothing.values())
+    names = [extended.variable_name(v) for v in hands[0].signals]
+    pulled = run.extended(extended, nothing | dict(zip(names, signals, strict=True)))
+    truth = lmoc.compile_text(of(text, hand, connected)).simulate(points=60, rtol=1e-9)
+    assert np.abs(truth[watched] - run[watched]).max() > 0.05
+    assert np.abs(pulled[watched] - truth[watched]).max() < 1e-7
+    assert pulled.energy.balance < 1e-7
+    work = pulled.energy.supplied - pulled.energy.supplied[0]
+    spring = truth["hand.energy"]  # what it has lost, the scene was given
+    assert np.abs(work + spring - spring[0]).max() < 1e-6
+    still = run.extended(extended, nothing)
+    assert np.abs(still[watched] - run[watched]).max() < 1e-8 and still.states == run.states
+
+
+UNHELD = ["notes/ex05_suspension", "laws/h06_bungee", "planar/slider_crank", "planar/double_pendulum"]
+
+
+@pytest.mark.parametrize("file", UNHELD)
+def test_hands_change_nothing_while_they_hold_nothing(file):
+    run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=50)
+    moving = [part.pattern for part in run.flat.parts]
+    held, hands = run_with_hands(run, moving)
+    assert hands and held.states == run.states and len(held.events) == len(run.events)
+    for name in run.states:
+        assert np.abs(held[name] - run[name]).max() <= 1e-5 * np.abs(run[name]).max()
+
+
+@needs_node
+def test_what_is_pulled_in_the_page_moves_as_the_equations_say_and_the_ledger_closes():
+    """A spring that is taken at 0.5 s, moved at 0.9 s and let go at 1.6 s, against SciPy from piece to piece."""
+    run = lmoc.compile_text(of(LINE)).simulate(points=121, rtol=1e-9)
+    found = contents(run, "M")
+    pulls = [[0.5, "body", [12, 0.4]], [0.9, "body", [12, -0.3]], [1.6, "body", [0, 0]]]
+    (hand,) = found.data["script"]["hands"]
+    assert hand["kind"] == "line" and hand["inertia"] == 2
+    body = f"""
+    const data = {json.dumps(found.data)}, pulls = {json.dumps(pulls)};
+    const repeater = new Repeater(data.script, {found.make}, data, () => 0);
+    const times = {json.dumps(run.time.tolist())};
+    const answer = repeater.run(times, {{}}, {{}}, pullsOf(data.script.hands, pulls));
+    const live = new Pull(repeater, {{ times, values: {{}}, initial: {{}}, pulls }},
+      {{ hand: data.script.hands[0], speed: 1, motion: null, item: null, vertex: null, read: (w) => w }}, 2.2);
+    const same = live.letGo();
+    console.log(JSON.stringify(["body.q", "ledger.stored", "ledger.work", "ledger.heat"].map((n) => [...answer.of(n)])
+      .concat([[...same.columns.get("body.q")]])));
+    """
+    q, stored, work, heat, again = np.array(run_script(joined("worker.js") + joined("elementary.js") + body))
+
+    def rates(_, x, k, target):
+        return [x[1], (-30 * x[0] - 0.4 * x[1] + k * (target - x[0])) / 2]
+
+    truth, state = np.full(len(run.time), np.nan), [0.1, 0.0]
+    edges = [0, 0.5, 0.9, 1.6, 3.0]
+    for (a, b), (k, target) in zip(zip(edges, edges[1:]), [(0, 0), (12, 0.4), (12, -0.3), (0, 0)], strict=True):
+        inside = (run.time >= a) & (run.time <= b)
+        at = np.union1d(run.time[inside], [a, b])
+        own = solve_ivp(rates, (a, b), state, rtol=1e-11, atol=1e-13, t_eval=at, args=(k, target))
+        truth[inside] = own.y[0][np.isin(own.t, run.time[inside])]
+        state = own.y[:, -1]
+    assert np.abs(q - truth).max() < 1e-7 and np.abs(again - truth).max() < 1e-7
+    assert np.abs(truth - run["body.q"]).max() > 0.05 and work.max() > 0.1
+    assert np.abs(work - heat - (stored - stored[0])).max() < 1e-6
+
+
+STRING = """
+model M
+  Fixed wall;
+  Cable string(L = 1);
+  Mass body(m = 2, g = 9.81, q(start = 0.7, fixed = true), v(start = 0, fixed = true));
+  HAND
+equation
+  connect(wall.flange, string.a); connect(string.b, body.flange);
+  CONNECTED
+  annotation(experiment(StopTime = 2));
+end M;
+"""
+
+
+@needs_node
+def test_a_hand_lifts_what_hangs_on_a_string_and_the_string_catches_it_again():
+    """From the start against the spring in the model; taken and let go on the way, the ledger closes."""
+    _, hand, connected, _, _ = CASES["line"]
+    run = lmoc.compile_text(of(STRING)).simulate(points=101)
+    truth = lmoc.compile_text(of(STRING, hand.replace("k = 12", "k = 40"), connected)).simulate(points=101)
+    found = contents(run, "M")
+    whole, later = [[0, "body", [40, 0.4]]], [[0.5, "body", [90, 0.4]], [1.1, "body", [0, 0]]]
+    body = f"""
+    const data = {json.dumps(found.data)};
+    const repeater = new Repeater(data.script, {found.make}, data, () => 0);
+    const told = [{json.dumps(whole)}, {json.dumps(later)}].map((pulls) => {{
+      const answer = repeater.run({json.dumps(run.time.tolist())}, {{}}, {{}}, pullsOf(data.script.hands, pulls));
+      const names = ["body.q", "ledger.stored", "ledger.work", "ledger.heat"];
+      return [names.map((n) => [...answer.of(n)]), answer.events.map((e) => e.time), answer.reason];
+    }});
+    console.log(JSON.stringify(told));
+    """
+    (first, times, reason), (second, events, other) = run_script(joined("worker.js") + joined("elementary.js") + body)
+    assert reason == other == ""
+    assert np.abs(np.array(first[0]) - truth["body.q"]).max() < 1e-5
+    assert np.allclose(times, [e.time for e in truth.events], atol=1e-5) and len(times) == len(truth.events) > 0
+    q, stored, work, heat = np.array(second)
+    hanging = (run.time > 0.4) & (run.time < 0.5)
+    assert np.abs(q[hanging] - 1).max() < 1e-6 and q[(run.time > 0.6) & (run.time < 1.1)].min() < 0.9  # lifted
+    assert np.abs(q[-5:] - 1).max() < 1e-6 and any(t > 1.1 for t in events)  # and caught
+    assert np.abs(work - heat - (stored - stored[0])).max() < 1e-5 * np.abs(stored).max()
