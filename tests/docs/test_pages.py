@@ -111,7 +111,16 @@ def _the_fit_is_good(found: dict) -> None:
     assert found["k"] == pytest.approx(40, rel=0.05) and found["c"] == pytest.approx(1.2, rel=0.15)
 
 
-RESULTS = {"use": _the_pole_is_upright, "fit": _the_fit_is_good}
+def _the_optima_hold(found: dict) -> None:
+    """The crane: bang-bang (Pontryagin), symmetric in time and nearly always at a bound; both end as they should."""
+    force, run, turned = found["force"], found["run"], found["turned"]
+    assert np.mean(np.abs(np.abs(force) - 2000) < 20) > 0.9 and force == pytest.approx(-force[::-1], abs=50)
+    assert found["stop"] == 2.0 and run.time[-1] == pytest.approx(9.15, abs=0.05)
+    assert run["x"][-1] == pytest.approx(8, abs=0.05) and abs(run["rope.omega"][-1]) < 0.03
+    assert turned["theta"][-1] == pytest.approx(1 + 2 * np.pi, abs=0.1) and abs(turned["motor.omega"][-1]) < 0.3
+
+
+RESULTS = {"use": _the_pole_is_upright, "fit": _the_fit_is_good, "optimal-control": _the_optima_hold}
 
 
 def test_the_equations_at_the_top_are_those_of_the_picture(lmoc):
