@@ -53,8 +53,8 @@ INSIDE = {
         "equations", "algorithms", "flatten",
     ),
     "numerics": (
-        "options", "solve", "signals", "plan", "problem", "dop853", "sundials", "evaluate", "observe", "laws", "steps",
-        "coordinates", "failures", "formulations", "events", "task", "start", "run", "lanes",
+        "limits", "options", "solve", "signals", "plan", "problem", "dop853", "sundials", "evaluate", "observe", "laws",
+        "steps", "coordinates", "failures", "formulations", "events", "task", "start", "run", "lanes",
     ),
     "view": ("javascript", "scene", "page", "bodies", "drawing"),
 }  # fmt: skip

@@ -11,7 +11,8 @@ from lmoc.engine.library import library
 from lmoc.numerics.coordinates.bounds_layout import BoundsLayout
 from lmoc.numerics.coordinates.entries import constraints_tape
 from lmoc.numerics.coordinates.equilibration import GROWN
-from lmoc.numerics.coordinates.tableau import AGAIN, NORMAL, ROUNDING
+from lmoc.numerics.coordinates.tableau import AGAIN, NORMAL
+from lmoc.numerics.limits import NO_ENTRY
 from lmoc.numerics.plan.plan import Plan
 
 # of the way of a dependent coordinate: as much as velocities may leave unexplained before it is looked at what happens
@@ -53,7 +54,7 @@ class BoundsKernel:
         work = np.zeros(2 * rows * (columns + rows) + 5 * (columns + rows) + count)
         self._bounds = _Bounds(
             *kernel.addresses, rows, columns, count, states, len(own.register), watched, layout.told, _SQUARINGS, AGAIN,
-            UNEXPLAINED, GROWN, NEIGHBOURS, NORMAL, ROUNDING, *(t.ctypes.data for t in tables), work.ctypes.data,
+            UNEXPLAINED, GROWN, NEIGHBOURS, NORMAL, NO_ENTRY, *(t.ctypes.data for t in tables), work.ctypes.data,
         )  # fmt: skip
         self._held = tables, work, given, results
         self.addresses = ctypes.addressof(self._bounds), given.ctypes.data, results.ctypes.data

@@ -12,13 +12,12 @@ import math
 
 import numpy as np
 
+from lmoc.numerics.limits import NO_ENTRY
 from lmoc.support.records import dataclass
 
 _GOOD = 1.5  # the largest entry with which exchanges end
 _VANISHING = 1e-6  # as small a singular value of A, where a segment begins, is none
-_NO_PIVOT = 1e-12  # in equilibrated form: smaller entries are rounding errors of what has been eliminated
 _NORMALIZATIONS, AGAIN, NORMAL = 30, 6, 1e-2
-ROUNDING = 1e-12  # entries below this share of their row have never been there
 SHARE = 0.5  # of the longest straight way on which the rank is certainly kept: the way of a motion is curved
 
 
@@ -126,7 +125,7 @@ def states_by_pivots(matrix: np.ndarray) -> list[int]:
         block = np.abs(a[left])
         block[:, chosen] = 0.0
         i, j = np.unravel_index(int(np.argmax(block)), block.shape)
-        if not block[i, j] > _NO_PIVOT:
+        if not block[i, j] > NO_ENTRY:
             return []
         r = left.pop(int(i))
         chosen.append(int(j))
@@ -158,7 +157,7 @@ def equilibrated(size: np.ndarray, before: np.ndarray | None = None) -> tuple[np
     before : factors of the columns of a matrix that was similar
     """
     largest = size.max(axis=1, keepdims=True, initial=0.0)
-    squares = np.where(np.isfinite(size) & (size > ROUNDING * largest), size, 0.0) ** 2
+    squares = np.where(np.isfinite(size) & (size > NO_ENTRY * largest), size, 0.0) ** 2
     no_row, no_column = (1.0 * ~squares.any(axis=k) for k in (1, 0))  # which keep the factor 1
     column = np.ones(squares.shape[1]) if before is None else before**2
     for k in range(_NORMALIZATIONS if before is None else AGAIN):

@@ -17,13 +17,13 @@ from lmoc.ir.flat import FlatDAE
 from lmoc.ir.reduced import DiscreteStep
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.trials import NOISES, prefer_regular, try_relations
+from lmoc.numerics.limits import ULP
 from lmoc.numerics.observe.one_state import moved as moved_to
 from lmoc.numerics.observe.one_state import why_not
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
 ROUNDING = 1e-14  # of a function's magnitude; the dense output of a step is no more exact
-_ULP = 2.0**-52
 _ZERO = 1e-10  # of the largest values: what is smaller may be a zero with rounding
 _ROUNDS = 100  # of solving at one instant, and of events that follow each other at it
 
@@ -145,7 +145,7 @@ class DiscreteState:
     def _may_be_rounding(self, t: float, x: np.ndarray, height: np.ndarray) -> np.ndarray:
         """Return which functions are so small that their rounding is worth a look, (zeros,)."""
         size = max(1.0, float(np.abs(x).max(initial=0.0)), float(np.abs(self.zero).max(initial=0.0)))
-        terms = np.zeros(len(height)) if self._known is None else self._known[3] / _ULP
+        terms = np.zeros(len(height)) if self._known is None else self._known[3] / ULP
         return (height <= _ZERO * np.fmax(terms, size)) & ~self.layout.rounded
 
     def rounding(self, t: float, x: np.ndarray) -> np.ndarray:
@@ -166,7 +166,7 @@ class DiscreteState:
         count, passed = self.layout.zero_count, t - self._begun
         rates = _finite(self.layout.rounding(w, t))[count:]
         way = _finite(np.fmax(np.abs(x), passed * np.abs(w[plan.derivatives]))) if passed > 0 else np.zeros(len(x))
-        found = _finite(self.layout.rounding(w, t, (plan.states, _ULP * way + 2.0 * passed * rates)))[:count]
+        found = _finite(self.layout.rounding(w, t, (plan.states, ULP * way + 2.0 * passed * rates)))[:count]
         self._known = t, x.copy(), discrete.copy(), found
         return found
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from lmoc.ir.law import NONE, LawKind
 from lmoc.ir.program import written
 from lmoc.ir.reduced import Reduced
+from lmoc.numerics.limits import AGREE
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
 from lmoc.numerics.solve.interpreter import Interpreter
@@ -29,7 +30,6 @@ from lmoc.support.records import dataclass
 _LARGE = 1e6  # impulses per rate, so that the rates themselves are no more than their rounding
 _LINEAR = 1e-6  # relative deviation of rates from being linear in an impulse
 _FEW, _MANY = 8, 1024  # steps on the way, where what an impulse does depends on the place
-_AGREE = 1e-11  # relative difference of two such ways
 
 Array = NDArray[np.float64]
 Values = Mapping[int, float]  # by register
@@ -151,7 +151,7 @@ def way(effect: Callable[[Array, float], Array], x: Array) -> Array:
     """Return the change of the states from s = 0 to 1: by the classical Runge-Kutta method where it depends on them."""
     first = effect(x, 0.0)
     last = effect(x + first, 1.0)
-    if (np.abs(last - first) <= _AGREE * np.abs(first).max(initial=0.0)).all():
+    if (np.abs(last - first) <= AGREE * np.abs(first).max(initial=0.0)).all():
         return first
     before, steps = first, _FEW
     while steps <= _MANY:
@@ -161,7 +161,7 @@ def way(effect: Callable[[Array, float], Array], x: Array) -> Array:
             b = effect(at + h / 2 * a, (k + 0.5) * h)
             c = effect(at + h / 2 * b, (k + 0.5) * h)
             at += h / 6 * (a + 2 * b + 2 * c + effect(at + h * c, (k + 1) * h))
-        if (np.abs(at - x - before) <= _AGREE * np.abs(at - x).max()).all():
+        if (np.abs(at - x - before) <= AGREE * np.abs(at - x).max()).all():
             return at - x
         before, steps = at - x, 2 * steps
     raise NoImpulse("its effect cannot be determined: give a ramp of finite length")

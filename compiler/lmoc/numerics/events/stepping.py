@@ -9,14 +9,13 @@ import numpy as np
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.events.impulse import NoImpulse
 from lmoc.numerics.events.steps import Jump, Steps
+from lmoc.numerics.limits import LOCATED
 from lmoc.numerics.observe.event import STEP, Event
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.plan.steps import stepping_inputs
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Formula, Signal, Table
-
-_NEAR = 1e-14  # of the times of a run: integrators end a segment a few units of its last digit before a jump
 
 
 class Stepping:
@@ -52,7 +51,7 @@ class Stepping:
         self._passed = max(self._passed, int(np.searchsorted(self.times, t + self._near(t), "right")))
 
     def _near(self, t: float) -> float:
-        return _NEAR * max(abs(t), abs(self._begin))
+        return LOCATED * max(abs(t), abs(self._begin))
 
     def __call__(self, t: float, x: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
         """Return the states after what steps at an instant, with all laws open.

@@ -13,6 +13,7 @@ from lmoc.messages.ranges import over_range
 from lmoc.messages.source import Span
 from lmoc.numerics.coordinates.change import block_unknowns
 from lmoc.numerics.failures.nan_sources import Moving, moving, nan_sources
+from lmoc.numerics.limits import NUMBERS
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import Slice
 from lmoc.numerics.plan.plan import Plan
@@ -23,7 +24,6 @@ from lmoc.support.distinct import distinct
 from lmoc.support.sizes import DENSE
 
 _AHEAD = 40  # halvings of the distance at which a lost value is looked for
-_LOOKED_AT = 2_000_000  # numbers computed for a look along a run; of a larger scene not every time is looked at
 _FOLLOWED = 25  # times at which nonlinear equations beside the motion are solved, to see whether they can be
 _WITHOUT_BOUND = 1e6  # times its size during the run: a state that changes as fast has no bound
 _SUSPECTS = 10  # of the times at which something seems to be lost, so many are looked at closely
@@ -81,7 +81,7 @@ def suspects(observer: Observer, times: np.ndarray, states: np.ndarray) -> np.nd
     part = plan.once(_moving_slice)
     base = np.concatenate([observer.base, np.zeros(own.count - plan.count)])
     base[plan.absent] = 0.0  # what depends on them has been said to be unknown
-    rows = np.arange(0, len(times), -(-len(times) * len(part.registers) // _LOOKED_AT))
+    rows = np.arange(0, len(times), -(-len(times) * len(part.registers) // NUMBERS))
     values = part.bind(base, observer.signals)(times[rows], states[rows])
     lost = rows[~np.isfinite(values).all(axis=1)]
     return lost[np.unique(np.linspace(0, len(lost) - 1, _SUSPECTS).astype(int))] if len(lost) else lost

@@ -10,11 +10,11 @@ from collections.abc import Callable
 
 import numpy as np
 
+from lmoc.numerics.limits import AGREE
 from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 
 _FEW, _MOST = 16, 1024  # steps from one kept state to the next
-_AGREE = 1e-11  # relative difference of two ways
 _HALVINGS = 60
 
 Array = np.ndarray
@@ -95,7 +95,7 @@ def _way(rates: Rates, begin: float, x: Array, end: float) -> list[tuple[float, 
         last = way[-1][1]
         if not np.isfinite(last).all():
             return None
-        if before is not None and (np.abs(last - before) <= _AGREE * (np.abs(last) + np.abs(x))).all():
+        if before is not None and (np.abs(last - before) <= AGREE * (np.abs(last) + np.abs(x))).all():
             return way
         before, steps = last, 2 * steps
     return way

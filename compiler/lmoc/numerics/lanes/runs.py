@@ -10,6 +10,7 @@ import numpy as np
 from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.lanes.legs import FOUND, Legs
 from lmoc.numerics.lanes.scene import Runs, sizes, starts, tolerances
+from lmoc.numerics.limits import FINEST
 from lmoc.numerics.observe.recorder import Recorder, sampled_places
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 from lmoc.numerics.options.options import RunOptions, TimeSpan
@@ -22,7 +23,6 @@ from lmoc.numerics.task.sizes import is_small, too_loose
 from lmoc.support import budget
 
 _TOGETHER = 64  # runs that go through C without a word from Python
-_FINEST = 1e-14  # relative tolerance
 
 
 def go(
@@ -51,7 +51,7 @@ def go(
             made = _automatic(runs, system, (begin, end), times, longest, options.max_steps)
         else:
             made = _named(runs, system, (begin, end), times, longest, options)
-        good, states[:, first:] = made(x, good, max(rtol, _FINEST), atol)
+        good, states[:, first:] = made(x, good, max(rtol, FINEST), atol)
     if options.atol is None:
         good = good & _right_size(runs, states, span, rtol, good)
     return states, good

@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, NoSolution, Solution
+from lmoc.numerics.limits import AT_LIMIT, NO_ENTRY
 from lmoc.support.records import dataclass
 
 _MOST_PIVOTS = 50  # a row of the table
-_ZERO = 1e-12  # of the largest entry of a column: not a pivot
-_AT_LIMIT = 1e-9  # share of its limit beyond which a friction slides
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +77,7 @@ def solve_with_cones(matrix: Array, q: Array, lower: Array, upper: Array, fricti
     limit = friction.share * x[friction.normal]
     side = np.where(z[:n] > 0.0, FREE, LOWER)
     side[boxed] = np.where(z[over] > 0.0, UPPER, side[boxed])
-    sliding = np.abs(x[rows]) >= limit * (1.0 - _AT_LIMIT)
+    sliding = np.abs(x[rows]) >= limit * (1.0 - AT_LIMIT)
     side[rows] = np.where(sliding, np.where(x[rows] < 0.0, LOWER, UPPER), FREE)
     return Solution(x, matrix @ x + q, side, np.ones(n, bool))
 
@@ -111,7 +110,7 @@ def lemke(matrix: Array, q: Array) -> Array:
             return np.maximum(z[n : 2 * n], 0.0)
         entering = leaving + n if leaving < n else leaving - n
         column = table[:, entering]
-        able = np.flatnonzero(column > _ZERO * np.abs(column).max())
+        able = np.flatnonzero(column > NO_ENTRY * np.abs(column).max())
         if not len(able):
             break
         row = _least_ratio(table, column, able, basis, n)
@@ -124,7 +123,7 @@ def _least_ratio(table: Array, column: Array, able: NDArray[np.int64], basis: ND
     """Return the row that leaves first; the artificial one where it can, and ties by the inverse of the basis."""
     for entries in (table[:, -1], *table[:, :n].T):
         ratio = entries[able] / column[able]
-        able = able[ratio <= ratio.min() + _ZERO * np.abs(ratio).max()]
+        able = able[ratio <= ratio.min() + NO_ENTRY * np.abs(ratio).max()]
         artificial = able[basis[able] == 2 * n]
         if len(artificial):
             return int(artificial[0])

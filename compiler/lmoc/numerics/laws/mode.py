@@ -15,6 +15,7 @@ from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, Sides, solve
 from lmoc.numerics.laws.cones import Friction, solve_with_cones
 from lmoc.numerics.laws.contradiction import Contradiction, solving
 from lmoc.numerics.laws.instant import Instant, LawTable, Mask
+from lmoc.numerics.limits import AT_LIMIT
 from lmoc.numerics.problem.mode import Mode
 from lmoc.structure.laws.switched import POSITION
 from lmoc.support.records import dataclass
@@ -23,7 +24,6 @@ IMPLIED = 1e-9  # what elimination leaves of the diagonal of a law that depends 
 STILL = 1e-11  # rates below this share of the velocities that make them are zero
 ROUNDING = 1e-10  # by which a contact friction may pass its limit and still stick
 RESTING = 1e-9  # share of its terms below which an acceleration is zero
-AT_LIMIT = 1e-9  # share of the limits within which frictions give way together
 HELD = 0.1  # of the acceleration by this share of its limit: if it is less, others hold friction at its limit
 
 

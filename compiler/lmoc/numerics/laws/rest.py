@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.numerics.laws.complementarity import Array
-
-ROUNDING = 1e-12  # entries below this share of the largest of their row are zero
+from lmoc.numerics.limits import NO_ENTRY
 
 
 def held_velocities(forms: Array) -> NDArray[np.bool_]:
@@ -25,7 +24,7 @@ def held_velocities(forms: Array) -> NDArray[np.bool_]:
     """
     work = forms[np.isfinite(forms).all(axis=1)]
     size = np.abs(work)
-    work = np.where(size > ROUNDING * size.max(axis=1, initial=0.0)[:, None], work, 0.0)
+    work = np.where(size > NO_ENTRY * size.max(axis=1, initial=0.0)[:, None], work, 0.0)
     if ((work != 0.0).sum(axis=1) <= 2).all():
         return _held_in_pairs(work)
     return _held_by_elimination(work)
@@ -42,13 +41,13 @@ def _held_by_elimination(forms: Array) -> NDArray[np.bool_]:
     while left.any():
         size = np.where(left[:, None], np.abs(work) / scale[:, None], 0.0)
         row, column = divmod(int(size.argmax()), len(used))
-        if size[row, column] <= ROUNDING:
+        if size[row, column] <= NO_ENTRY:
             break
         work[row] /= work[row, column]
         others = np.flatnonzero(work[:, column])
         others = others[others != row]
         change = np.outer(work[others, column], work[row])
-        noise = ROUNDING * np.maximum(np.abs(work[others]), np.abs(change))
+        noise = NO_ENTRY * np.maximum(np.abs(work[others]), np.abs(change))
         work[others] -= change
         work[others] = np.where(np.abs(work[others]) <= noise, 0.0, work[others])
         left[row] = False
@@ -82,7 +81,7 @@ def _held_in_pairs(forms: Array) -> NDArray[np.bool_]:
         if first != second:
             parent[first], ratio[first] = second, -b * q / (a * p)
             ground[second] |= ground[first]
-        elif abs(a * p + b * q) > ROUNDING * (abs(a * p) + abs(b * q)):
+        elif abs(a * p + b * q) > NO_ENTRY * (abs(a * p) + abs(b * q)):
             ground[first] = True  # two ratios at once
     met = (forms != 0.0).any(axis=0)
     return np.array([bool(met[v]) and ground[root(v)[0]] for v in range(count)], bool)

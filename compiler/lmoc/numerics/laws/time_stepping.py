@@ -25,6 +25,7 @@ from lmoc.messages.diagnostics import Report
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, NoSolution, Sides, solve
 from lmoc.numerics.laws.instant import ContactKinematics, Instant, Mask
 from lmoc.numerics.laws.mode import STILL
+from lmoc.numerics.limits import LOOK
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.readout import readout_of
 from lmoc.numerics.options.options import MOREAU
@@ -44,7 +45,6 @@ PROPERTIES = Properties(
 THETA = 0.5
 _GENERIC = 2  # other points at which the effect of the forces is compared, to see whether it is constant
 _SAME = 1e-12  # what it may differ by there
-_LOOK = 32  # steps between two looks at the clock
 
 
 class Recorded:
@@ -146,7 +146,7 @@ class TimeStepping:
         still = np.abs(self.now.rate) <= STILL * self.now.rate_scale
         state = _State(problem.t, problem.x, self.now.gap, self.now.rate, touching & still)
         for k in range(count):
-            if k % _LOOK == 0 and watch.expired(state.t):
+            if k % LOOK == 0 and watch.expired(state.t):
                 return Outcome(state.t, state.x, reached, Status.TOO_LONG, {"steps": k})
             try:
                 after = self._step(problem, state, float(edges[k + 1]))

@@ -22,12 +22,12 @@ from lmoc.numerics.laws.jenkins import decide, relax
 from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Settled, settle
 from lmoc.numerics.laws.order import depends_on_order
+from lmoc.numerics.limits import LOCATED
 from lmoc.numerics.problem.mode import Mode
 from lmoc.support.records import dataclass
 
 AT_ONCE = 1e-10  # s; gaps that would close within that time close together
 TOUCHING = 1e-14  # gaps below this share of the lengths that make them are zero
-LOCATED = 1e-14  # s, or this share of the time: how exactly events are located
 TURNING = 1e-8  # s; a velocity that its accelerations undo in that time has come to zero by itself, not by a jump
 BOUNCES_LEFT = 1e-9  # s; where all bounces to come would take less, they are over …
 LEAST_HEIGHT = 1e-14  # … as where they are lower than this share of the lengths that make the gap …

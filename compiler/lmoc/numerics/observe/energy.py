@@ -9,6 +9,7 @@ import numpy as np
 from lmoc.expression.dag import Expr, slots
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import FlatDAE
+from lmoc.numerics.limits import NUMBERS
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 
@@ -16,7 +17,6 @@ Observe = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 _SAMPLES = 25, 200  # least and most times at which the exchange between stores is looked at
 _ROUNDING = 1e-6  # of what is stored: less than this, nothing flows that could be judged
 _AT_REST = 1e-9  # of the work of the laws' forces over the lengths around, likewise
-_VALUES = 2_000_000  # values looked at, where that allows more than the least
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,7 +90,7 @@ def exchanged_energy(flat: FlatDAE, segments: Sequence[tuple[Observe, np.ndarray
     segments : for each segment of a run ``(variables, times, states) -> values``, some times and the states there
     """
     count = sum(len(times) for _, times, _ in segments)
-    most = int(np.clip(_VALUES // max(1, flat.count), *_SAMPLES))
+    most = int(np.clip(NUMBERS // max(1, flat.count), *_SAMPLES))
     thinned = [(observe, times[:: -(-count // most)], x[:: -(-count // most)]) for observe, times, x in segments]
     times = np.concatenate([t for _, t, _ in thinned])
     total = np.zeros(len(times))

@@ -9,6 +9,7 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import nearest
+from lmoc.numerics.limits import KEPT_NAMES
 from lmoc.numerics.observe.slices import Evaluate, Slice, signal_values, slice_of
 from lmoc.numerics.observe.solutions import Solutions
 from lmoc.numerics.plan.plan import Plan
@@ -84,7 +85,6 @@ class Aside:
         return found
 
 
-_KEPT = 100  # variables whose sources are kept with their plan, at most
 
 
 @dataclass(eq=False, repr=False)
@@ -243,7 +243,7 @@ class Observer:
 
 def sources(plan: Plan, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return where the values of variables come from: a mask of constants, places of inputs and of what is computed."""
-    if len(variables) > _KEPT:
+    if len(variables) > KEPT_NAMES:
         return _sorted_by_source(plan, variables)
     kept, key = plan.once(_kept), variables.tobytes()
     if key not in kept:

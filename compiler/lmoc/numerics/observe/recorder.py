@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.numerics.limits import LOCATED, NUMBERS
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.support.distinct import distinct
 
-_SAMPLES = 25, 200  # least and most output times whose states are kept in any case …
-_SAMPLED = 2_000_000  # … and numbers in them, where that allows more than the least
-_SAME = 1e-14  # of the time: roots after a jump are found a few units of the last place after it
+_SAMPLES = 25, 200  # least and most output times whose states are kept, with `NUMBERS` between
 _LEDGER = ("ledger.stored", "ledger.work", "ledger.heat")
 
 
@@ -81,7 +80,7 @@ class Recorder:
 
 def sampled_places(count: int, n: int) -> np.ndarray:
     """Return which of so many output times are samples of a run with n states."""
-    most = min(max(_SAMPLED // max(1, n), _SAMPLES[0]), _SAMPLES[1])
+    most = min(max(NUMBERS // max(1, n), _SAMPLES[0]), _SAMPLES[1])
     every = np.arange(0, count - 1, max(1, -(-count // most)))
     return np.append(every, count - 1) if count else every
 
@@ -108,4 +107,4 @@ def is_kept(flat: FlatDAE, name: str, keep: Sequence[str]) -> bool:
 
 def _is_same(time: float, event: float) -> bool:
     """Return whether an output time is that of an event."""
-    return 0 <= event - time <= _SAME * abs(event)
+    return 0 <= event - time <= LOCATED * abs(event)

@@ -12,6 +12,7 @@ import numpy as np
 
 from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, read, walk, written
 from lmoc.numerics.evaluate.opened import open_blocks
+from lmoc.numerics.limits import KEPT_NAMES, NUMBERS
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Formula, Signal, sample
 from lmoc.numerics.solve.follow import Follower
@@ -21,8 +22,6 @@ from lmoc.support.sizes import DENSE
 if TYPE_CHECKING:
     from lmoc.numerics.solve.together import Together
 
-_CHUNK = 2_000_000  # numbers held at once while a trajectory is evaluated
-_KEPT = 100  # registers of the largest slice that is kept with its plan
 
 
 class Evaluate(Protocol):
@@ -130,7 +129,7 @@ class Slice:
         return self._togethers[key]
 
     def _chunks(self, count: int) -> list[slice]:
-        length = max(1, _CHUNK // max(1, len(self.registers)))
+        length = max(1, NUMBERS // max(1, len(self.registers)))
         return [slice(a, a + length) for a in range(0, count, length)]
 
     def _given(
@@ -180,7 +179,7 @@ class Slice:
         """
         runs, count = states.shape[:2]
         result = np.empty((runs, count, len(self.out)))
-        own, length = base[:, self.registers], max(1, _CHUNK // max(1, count * len(self.registers)))
+        own, length = base[:, self.registers], max(1, NUMBERS // max(1, count * len(self.registers)))
         for part in (slice(a, a + length) for a in range(0, runs, length)):
             some = own[part]
             w = np.repeat(some.T, count, axis=1)
@@ -239,7 +238,7 @@ def _run_from(run: Follower, w: np.ndarray, times: np.ndarray, known: np.ndarray
 
 def slice_of(plan: Plan, registers: np.ndarray) -> Slice:
     """The slice for some registers, made once for a plan where it is small."""
-    if len(registers) > _KEPT:
+    if len(registers) > KEPT_NAMES:
         return Slice(plan, registers)
     key = registers.tobytes()
     kept = plan.once(_kept)

@@ -13,6 +13,7 @@ from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.mode import mode_words
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic
+from lmoc.numerics.limits import NUMBERS
 from lmoc.numerics.observe.closures import residuals
 from lmoc.numerics.observe.energy import Energy, exchanged_energy, measure
 from lmoc.numerics.observe.observer import Observer, find
@@ -22,7 +23,6 @@ from lmoc.support.records import dataclass
 if TYPE_CHECKING:
     from lmoc.numerics.problem.mode import Mode
 
-_CACHED = 2_000_000  # numbers of the largest result that is kept
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -210,7 +210,7 @@ class Trajectory:
             values = self.of(variables)
             scalar = len(variables) == 1 and ":" not in name
             result = np.ascontiguousarray(values[:, 0]) if scalar else values
-            if result.size > _CACHED:
+            if result.size > NUMBERS:
                 return result
             self._cache[name] = result
         return self._cache[name]

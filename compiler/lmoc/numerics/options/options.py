@@ -8,6 +8,7 @@ import numpy as np
 
 from lmoc.ir.flat import Experiment
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
+from lmoc.numerics.limits import FINEST
 from lmoc.numerics.options.formulations import GAIN, TABLE, Requested, requested
 from lmoc.support.records import dataclass
 
@@ -159,9 +160,9 @@ class RunOptions:
         atol = _finite("atol", _first(self.atol, 1.0))
         if not _finite("max_step", _first(self.max_step, 1.0)) > 0:
             raise ValueError(f"the longest step is positive, found max_step = {self.max_step:g}")
-        if not (1e-14 <= rtol < 1 and atol > 0):
+        if not (FINEST <= rtol < 1 and atol > 0):
             found = f"rtol = {rtol:g}" if self.atol is None else f"rtol = {rtol:g}, atol = {atol:g}"
-            raise ValueError(f"tolerances are 1e-14 ≤ rtol < 1 and atol > 0, found {found}")
+            raise ValueError(f"tolerances are {FINEST:g} ≤ rtol < 1 and atol > 0, found {found}")
         self._check_step()
 
     def step_length(self, span: TimeSpan) -> float | None:

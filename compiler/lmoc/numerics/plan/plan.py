@@ -14,6 +14,7 @@ from lmoc.ir.flat import Kind
 from lmoc.ir.program import Apply, Program, Solve, needed_steps, program_rows, read, walk, written
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, Report
+from lmoc.numerics.limits import SMALL_PLAN
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, gives
 from lmoc.numerics.signals.tables import Table
 from lmoc.support.records import dataclass
@@ -21,7 +22,6 @@ from lmoc.support.sizes import LARGE_BLOCK
 
 Made = TypeVar("Made")
 
-_SMALL = 10_000  # registers up to which the last values are kept, for another run with the same parameters
 LEDGER = ("ledger.work", "ledger.heat")
 
 
@@ -141,7 +141,7 @@ class Plan:
         w[self.known[0]] = values[self.known[1]]
         for register, variable in self.constants:
             w[register] = signals[variable].value if variable >= 0 else 0.0
-        given = w.tobytes() if self.count <= _SMALL else b""
+        given = w.tobytes() if self.count <= SMALL_PLAN else b""
         before = self._made.get(Plan.base)
         if given and before is not None and before[0] == given:
             return before[1].copy()

@@ -12,6 +12,7 @@ from lmoc.messages.diagnostics import Report
 from lmoc.numerics.coordinates.change import carried_over, registers_at, with_solutions
 from lmoc.numerics.coordinates.passage import Passage, passage
 from lmoc.numerics.coordinates.watch import CoordinateWatch
+from lmoc.numerics.limits import PACE
 from lmoc.numerics.observe.observer import Aside, Observer, Path
 from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.options.formulations import STEPPED_IN_C
@@ -29,7 +30,7 @@ _AHEAD = 40  # … all are integrated where so many more lie ahead
 _WIDER = 2.0  # by which the smallest singular value must be larger with other constraints left out
 _NEARER = 3.0  # by which it must be smaller for that to be tried again
 _STALLED = 40  # attempts to come on from one place
-_MANY, _PACE = 100, 1e-8  # continuations after which each has come on by so much of what lies ahead, on average
+_MANY = 100  # continuations after which it is judged whether they get on
 _ASIDE = 1e-2  # of a passage: as far from a singular position values there are computed
 _SHORTEST = 1e-10  # of the run: a step as short is no way past a place where coordinates do not serve
 
@@ -166,7 +167,7 @@ class Changes:
         """Return whether the last continuations have hardly come on."""
         self._continued.append(t)
         many = len(self._continued) == _MANY
-        return many and t - self._continued[0] < _MANY * _PACE * (self.task.span.end - self._continued[0])
+        return many and t - self._continued[0] < _MANY * PACE * (self.task.span.end - self._continued[0])
 
     def _all_together(self, segment: Segment, outcome: Outcome) -> Continuation | None:
         """A segment in all coordinates of the loops, where they change too often; once in a run.

@@ -11,6 +11,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.failures.chatter import FRICTION_HINT, chatters, jumps
+from lmoc.numerics.limits import FINEST
 from lmoc.numerics.options.formulations import ONE_STEP
 from lmoc.numerics.options.options import MOREAU
 from lmoc.numerics.plan import kinks
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 _SLOW = (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS, Status.SPENT)
 _MULTISTEP = frozenset({"cvode", "adams", "ida"})
 _NO_TIME = 1e-15  # of the time: a shorter segment is too short for the solvers, and nothing moves in it
-_FINEST = 1e-14  # relative tolerance
 _DRIFT = 0.1  # of the tolerance: from there on the states are moved onto what is closed
 ACCEPTED = 0.01  # share of the ranges of positions by which they may be off before a run warns of it
 
@@ -186,7 +186,7 @@ class SegmentSolver:
             x,
             end,
             times,
-            max(self.tolerances.rtol * bounds.finer, _FINEST),
+            max(self.tolerances.rtol * bounds.finer, FINEST),
             self.tolerances.absolute(segment, x) * bounds.finer,
             sink,
             max_step=bounds.longest,

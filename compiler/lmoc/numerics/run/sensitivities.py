@@ -16,6 +16,7 @@ from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.failures.chatter import jumps
+from lmoc.numerics.limits import FINEST_SMOOTH
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.observe.solutions import Solutions
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
@@ -29,7 +30,6 @@ STEP = 1e-3  # of a quantity's size, of differences of order four: their error i
 _CENTRAL = ((1, 8 / 12), (-1, -8 / 12), (2, -1 / 12), (-2, 1 / 12))
 _AHEAD = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))
 _SHARE = 0.1  # of the run's tolerance
-_FINEST = 1e-13
 _ABSOLUTE = 1e-2  # of the relative tolerance times the size
 _ROUNDING = 1e-13  # of the largest number in a motion: what is smaller is none
 _APART = 1e4  # tolerances by which the states may differ from those of the run
@@ -233,7 +233,7 @@ class Sweep:
         """
         self.observer, self.directions, self.explicit = observer, directions, explicit
         self.plan, self.n, self.m = observer.plan, len(observer.plan.states), len(directions)
-        self.rtol, self.sizes = max(_SHARE * rtol, _FINEST), sizes
+        self.rtol, self.sizes = max(_SHARE * rtol, FINEST_SMOOTH), sizes
         self.scale = np.array([d.size for d in directions])
         own = np.isin(np.arange(self.plan.count), self.plan.parameters)
         self.registers = np.flatnonzero(own & (base != 0).any(axis=0))

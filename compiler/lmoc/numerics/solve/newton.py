@@ -12,8 +12,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-_TIGHT = 1e-13  # of the size of the unknowns: no correction is smaller in double precision
-_LOOSE = 1e-8  # good enough where the corrections do not shrink any more
+TIGHT = 1e-13  # of the size of the unknowns: no correction is smaller in double precision
+LOOSE = 1e-8  # good enough where the corrections do not shrink any more
 _ITERATIONS = 50
 _FEW = 10  # enough from nearby
 _HALVINGS = 12
@@ -23,7 +23,7 @@ _FLAT = 100.0  # times the size of the unknowns: a guess is flat from which the 
 _PAUSE = 25  # evaluations after a costly search in vain in which there is no other; four times as many each time
 _NEAR_SAME = 1e-6  # of the size of the unknowns: solutions found from both sides are the same
 _ROUNDING = 1e-15  # of the terms of an equation: what their sum may miss zero by
-_NEAR = 0.25  # of the way to the solution: as much as the first step may miss it (Deuflhard, section 5.1)
+NEAR = 0.25  # of the way to the solution: as much as the first step may miss it (Deuflhard, section 5.1)
 
 
 def dense_solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -59,7 +59,7 @@ def correction(a: np.ndarray, r: np.ndarray, u: np.ndarray) -> np.ndarray:
     NaN where a singular `a` has none.
     """
     step = -dense_solve(a, r[..., None])[..., 0]
-    far = ~(np.abs(step).max(axis=1) <= _LOOSE * (1.0 + np.abs(u).max(axis=1)))
+    far = ~(np.abs(step).max(axis=1) <= LOOSE * (1.0 + np.abs(u).max(axis=1)))
     if far.any():
         step[far & vanishes(a, r, u)] = 0.0
         for k in np.flatnonzero(~np.isfinite(step).all(axis=1)):
@@ -78,11 +78,11 @@ def shortest_solution(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndar
     size = np.abs(a).max(axis=0)
     size[size == 0] = 1.0
     left, singular, right = np.linalg.svd(a / size)
-    rank = int(np.count_nonzero(singular > _TIGHT * singular.max(initial=0.0)))
+    rank = int(np.count_nonzero(singular > TIGHT * singular.max(initial=0.0)))
     x = (right[:rank] / size).T @ ((left[:, :rank].T @ b).T / singular[:rank]).T
     reach = np.multiply.outer(np.abs(a).sum(axis=1), np.abs(x).max(axis=0))
-    missed = np.abs(a @ x - b) > _TIGHT * (reach + np.abs(b))
-    determined = np.abs(right[rank:]).max(axis=0, initial=0.0) < _LOOSE
+    missed = np.abs(a @ x - b) > TIGHT * (reach + np.abs(b))
+    determined = np.abs(right[rank:]).max(axis=0, initial=0.0) < LOOSE
     return np.where(missed.any(axis=0), np.nan, x), determined
 
 
@@ -127,7 +127,7 @@ class Newton:
         with np.errstate(invalid="ignore"):
             size, way = 1.0 + np.abs(self.last), np.abs(self.last - self.start)
             missed = np.abs(self.last - self.target).max()
-            return bool(missed <= _NEAR * way.max() + _LOOSE * size.max() and (way <= _NEAR * size).all())
+            return bool(missed <= NEAR * way.max() + LOOSE * size.max() and (way <= NEAR * size).all())
 
     def solve(
         self,
@@ -202,10 +202,10 @@ def iterate(residual, matrix, start: np.ndarray, most: int) -> tuple[np.ndarray,
         target = target if iteration else u + step
         size = 1.0 + np.abs(u).max(axis=1)
         length = np.abs(step).max(axis=1)
-        if (length <= _TIGHT * size).all():
+        if (length <= TIGHT * size).all():
             return u + step, np.ones(len(u), bool), target
-        stuck = (length <= _LOOSE * size) & (length >= 0.5 * before)
-        if (stuck | (length <= _TIGHT * size)).all():
+        stuck = (length <= LOOSE * size) & (length >= 0.5 * before)
+        if (stuck | (length <= TIGHT * size)).all():
             return u, np.ones(len(u), bool), target
         if not np.isfinite(length).any():
             break
@@ -229,7 +229,7 @@ def _damped(residual, a, u, step, length):
         new = u + factor[:, None] * step
         r = residual(new)
         after = np.abs(correction(a, r, new)).max(axis=1)
-        small = after <= _LOOSE * (1 + np.abs(new).max(axis=1))
+        small = after <= LOOSE * (1 + np.abs(new).max(axis=1))
         told = np.isfinite(after) | ~np.isfinite(r).all(axis=1)
         bad = ~(after <= (1.0 - factor / 4.0) * length) & (length > 0) & ~small & told
         if not bad.any():
@@ -241,4 +241,4 @@ def _damped(residual, a, u, step, length):
 def _converged(residual, matrix, u: np.ndarray) -> np.ndarray:
     r = residual(u)
     step = correction(matrix(u), r, u)
-    return np.abs(step).max(axis=1) <= _LOOSE * (1.0 + np.abs(u).max(axis=1))
+    return np.abs(step).max(axis=1) <= LOOSE * (1.0 + np.abs(u).max(axis=1))

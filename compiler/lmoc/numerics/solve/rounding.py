@@ -14,9 +14,9 @@ from lmoc.expression.dag import Expr, postorder
 from lmoc.expression.evaluate import OPERATIONS
 from lmoc.expression.functions import RELATIONS
 from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps
+from lmoc.numerics.limits import HALF_ULP
 from lmoc.numerics.solve.interpreter import Interpreter, segment_sums
 
-_HALF_ULP = 2.0**-53
 _EXACT = {"neg", "abs", "if", "event", "min", "max"}  # they round nothing themselves
 _DECIDED = {*RELATIONS, "and", "or", "not", "sign", "floor", "ceil", "integer", "div_integer"}  # values that jump
 _WHOLE = {"mod", "rem"}  # x − n·y: a jump of n is none of rounding
@@ -62,7 +62,7 @@ class Rounding:
             terms = np.abs(step.coefficient)
             sizes = terms * np.abs(w[step.index])
             lengths = np.diff(step.start)
-            own = segment_sums(sizes, step.start) * np.maximum(lengths - 1, 0) * _HALF_ULP
+            own = segment_sums(sizes, step.start) * np.maximum(lengths - 1, 0) * HALF_ULP
             off[step.out] = segment_sums(terms * off[step.index], step.start) + own
         else:
             self._solve(step, w, off, time)
@@ -81,7 +81,7 @@ class Rounding:
 
 def _rounded(value: np.ndarray) -> np.ndarray:
     """Return by how much numbers are off that have been computed; whole ones are not."""
-    return np.where(value == np.rint(value), 0.0, _HALF_ULP * np.abs(value))
+    return np.where(value == np.rint(value), 0.0, HALF_ULP * np.abs(value))
 
 
 def _carried(matrix: np.ndarray, off: np.ndarray) -> np.ndarray:
@@ -114,7 +114,7 @@ def _node_rounding(node: Expr, args: list[tuple[np.ndarray, np.ndarray]]) -> tup
     value = np.asarray(operation(*values), float) + np.zeros(len(values[0]))
     if node.op in _DECIDED:
         return value, np.zeros(len(value))
-    found = np.zeros(len(value)) if node.op in _EXACT else _HALF_ULP * np.abs(value)
+    found = np.zeros(len(value)) if node.op in _EXACT else HALF_ULP * np.abs(value)
     if node.op in _WHOLE:
         (x, by_x), (y, by_y) = args
         return value, found + by_x + np.abs((x - value) / y) * by_y

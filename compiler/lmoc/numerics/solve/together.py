@@ -11,11 +11,10 @@ import numpy as np
 
 from lmoc.ir.program import Program, Solve
 from lmoc.numerics.solve.interpreter import Interpreter
-from lmoc.numerics.solve.newton import dense_solve
+from lmoc.numerics.solve.newton import LOOSE, NEAR, TIGHT, dense_solve
 
 _ITERATIONS = 10
 _RATE = 0.5  # by which each correction has to be shorter than the one before
-_TIGHT, _LOOSE, _NEAR = 1e-13, 1e-8, 0.25  # as in `newton`
 
 
 class Together(Interpreter):
@@ -52,12 +51,12 @@ class Together(Interpreter):
             residual = np.moveaxis(w[step.residuals], 2, 1)
             change = -np.moveaxis(dense_solve(block.matrix(w, time), residual[..., None])[..., 0], 1, 2)
             length, size = np.abs(change).max(axis=(0, 1)), 1.0 + np.abs(w[step.unknowns]).max(axis=(0, 1))
-            stays = (length <= _LOOSE * size) & (length > _RATE * before)
+            stays = (length <= LOOSE * size) & (length > _RATE * before)
             left &= (length <= _RATE * before) | stays  # NaN ends it
             w[step.unknowns] += np.where(left & ~stays, change, 0.0)
             if not iteration:
                 target = w[step.unknowns]
-            good |= left & (stays | (length <= _TIGHT * size))
+            good |= left & (stays | (length <= TIGHT * size))
             left &= ~good
             if not left.any():
                 break
@@ -65,7 +64,7 @@ class Together(Interpreter):
         found = w[step.unknowns]
         size, way = 1.0 + np.abs(found), np.abs(found - start)
         missed = np.abs(found - target).max(axis=(0, 1))
-        near = (missed <= _NEAR * way.max(axis=(0, 1)) + _LOOSE * size.max(axis=(0, 1))) & (way <= _NEAR * size).all(
+        near = (missed <= NEAR * way.max(axis=(0, 1)) + LOOSE * size.max(axis=(0, 1))) & (way <= NEAR * size).all(
             (0, 1)
         )
         return good & near

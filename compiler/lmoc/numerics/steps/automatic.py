@@ -21,6 +21,7 @@ from collections.abc import Callable, Generator
 import numpy as np
 
 from lmoc.ir.program import Solve, walk
+from lmoc.numerics.limits import FINEST_SMOOTH
 from lmoc.numerics.plan.linearity import is_linear
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Outcome, PlanCost, Problem
@@ -42,7 +43,6 @@ WORTHWHILE = 0.5  # factor on the tolerance
 LEAST_FACTOR = 1e-6  # on the tolerance; where the memory of a motion is not known …
 LEAST_UNKNOWN = 0.1  # … this
 FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
-_FINEST = 1e-13  # relative tolerance
 _AGAIN = 4  # times as many steps later it is judged again
 OVERRUN = 60  # steps ahead up to which a run goes on as it has begun
 _LOOKED_AT = 50  # states up to which their modes are looked at in no time, so that a run may begin with a series
@@ -192,7 +192,7 @@ def _suits_series(way: Way, modes: Modes, mean: float, ahead: float) -> bool:
 
 def _since(way: Way, factor: float, ahead: float, series: bool) -> str:
     """Say why the tolerance is finer from here on."""
-    rtol = max(way.problem.rtol * factor * (1.0 if series else _calibration(way.problem)), _FINEST)
+    rtol = max(way.problem.rtol * factor * (1.0 if series else _calibration(way.problem)), FINEST_SMOOTH)
     because = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
     return f"; at rtol {rtol:.1g} from t = {way.outcome.time:.3g} s, {because}"
 
@@ -277,7 +277,7 @@ class Way:
     def tolerances(self, leg: Leg) -> tuple[float, np.ndarray]:
         """Return the tolerances of a leg, relative and absolute (n,)."""
         problem = self.problem
-        rtol = max(problem.rtol * leg.factor, min(problem.rtol, _FINEST))
+        rtol = max(problem.rtol * leg.factor, min(problem.rtol, FINEST_SMOOTH))
         return rtol, problem.atol * (rtol / problem.rtol)
 
     def first_step(self, leg: Leg) -> float:

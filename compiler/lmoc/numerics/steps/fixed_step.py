@@ -10,10 +10,9 @@ from abc import abstractmethod
 
 import numpy as np
 
+from lmoc.numerics.limits import NO_STEP
 from lmoc.numerics.problem.base import Integration, Problem
 from lmoc.numerics.problem.status import Status
-
-_CLOSE = 1e-9  # of a step: a remainder that is no step of its own
 
 
 class FixedStep(Integration):
@@ -55,7 +54,7 @@ class FixedStep(Integration):
         t_new = self._origin + (self._done + 1) * h
         if not t_new > self.t:
             return Status.COLLAPSED
-        if t_new > end - _CLOSE * h:
+        if t_new > end - NO_STEP * h:
             t_new = end
         with np.errstate(all="ignore"):
             x = self.advanced(self.t, self.x, t_new - self.t)

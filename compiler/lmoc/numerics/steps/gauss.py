@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from lmoc.numerics.limits import LEFT_BY_NEWTON, NO_STEP
 from lmoc.numerics.problem.base import Integration, Problem, Properties
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.steps import gauss_table as table
@@ -31,9 +32,7 @@ _SAFETY, _SHORTER, _LONGER = 0.9, 0.2, 4.0
 _WORTHWHILE = 1.5  # factor by which a step must have been too short …
 _CALM = 50  # … for so many steps, until it grows
 _EXACT = 1e-13  # of the states: Newton's method goes on until then, since what it leaves drifts
-_ROUNDING = 1e-9  # of the states, that rounding may leave where the equations are stiff: no longer does it shrink
 _ITERATIONS, _SLOW = 15, 0.3
-_CLOSE = 1e-9  # of a step: a remainder that is no step of its own
 _ROUGH = 10.0  # tolerances by which the last two polynomials between the ends may differ
 _LAST_TERM = 0.1  # largest value of the integral of the third Legendre polynomial along a step
 _LEAST = 1e-300  # s, a step that can still be divided by
@@ -88,7 +87,7 @@ class Gauss(Integration):
         t, end, h = self.t, self.problem.end, self.step_size
         while True:
             t_new = self._origin + (self._done + 1) * h if self.fixed else t + min(h, self.problem.max_step)
-            if t_new > end - _CLOSE * h:
+            if t_new > end - NO_STEP * h:
                 t_new = end
             h = t_new - t
             if not h > 8e-16 * abs(t_new) or h < _LEAST:
@@ -202,7 +201,7 @@ class Gauss(Integration):
             change = 2 * (table.TO_STAGES @ change).real
             z = z + change
             size = float((np.abs(change) / scale).max())
-            if size <= _EXACT or size > last / 2 and last < _ROUNDING:
+            if size <= _EXACT or size > last / 2 and last < LEFT_BY_NEWTON:
                 return z, table.INVERSE @ z / h
             if not size < 2 * last:
                 return None

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.numerics.limits import LEFT_BY_NEWTON
 from lmoc.numerics.problem.base import Problem
 from lmoc.numerics.steps.fixed_step import FixedStep
 from lmoc.numerics.steps.resolvent import Resolvent
 
 _EXACT = 1e-14  # of the states: what rounding leaves; conserved quantities are only so if the equations hold so well
-_ROUNDING = 1e-9  # of the states, that rounding may leave where the equations are stiff: no longer does it shrink
 _ITERATIONS = 12
 _SLOW = 0.1  # ratio of two corrections from which on another Jacobian pays
 
@@ -44,7 +44,7 @@ class ImplicitStep(FixedStep):
             change = self.shift / h * self.resolvent.solve(0, rest)
             k = k + change
             size = float((np.abs(h * change) / scale).max())
-            if size <= _EXACT or size > last / 2 and last < _ROUNDING:
+            if size <= _EXACT or size > last / 2 and last < LEFT_BY_NEWTON:
                 return k
             if not size < 2 * last:
                 return None

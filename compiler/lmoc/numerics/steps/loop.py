@@ -11,16 +11,15 @@ from bisect import bisect_right
 
 import numpy as np
 
+from lmoc.numerics.limits import LOOK, PACE
 from lmoc.numerics.problem.base import Expired, Integration, Outcome, Problem, Unattended, Walker, Watch
 from lmoc.numerics.problem.status import Status, interruption
 from lmoc.numerics.steps.roots import RootFinder
 
 _BATCH = 200_000  # numbers collected before they are handed on
-_LOOK = 32  # steps between two looks at the deadline …
-# … up to so many, by a method that makes them at once, as long as steps times rows are no more than that
+# steps between two looks at the clock at the most, and rows evaluated in them, by a method that makes them at once
 _MANY, _ROWS = 4096, 200_000
-_STALL, _GUARDED = 10_000, 1_000  # steps after which it is judged whether they get on, of guarded ones the latter …
-_PACE = 1e-8  # … by this part of what lies ahead on average
+_STALL, _GUARDED = 10_000, 1_000  # steps after which it is judged whether they get on, of guarded ones the latter
 _HOPELESS = 1e10  # steps still ahead at the pace of the latest `_STALL`, and of those before: a day's work, and more
 _OK = Status.OK  # attributes of an enumeration are slow to look up
 
@@ -98,8 +97,8 @@ class Loop:
     def go_by_walks(self, method: Walker) -> Status:
         """Have the method make many steps at once, more of them from batch to batch as far as the scene is small."""
         problem, run, guard = self.problem, self.run, self.problem.compiled_guard
-        largest = min(max(_ROWS // max(1, problem.system.plan.row_count), _LOOK), _MANY)
-        allowed, most, status = problem.max_steps, _LOOK, _OK
+        largest = min(max(_ROWS // max(1, problem.system.plan.row_count), LOOK), _MANY)
+        allowed, most, status = problem.max_steps, LOOK, _OK
         while run.t < problem.end and status is _OK:
             left = allowed - run.steps - run.rejected
             if left <= 0:
@@ -149,7 +148,7 @@ class Loop:
                     return Status.TOO_MANY_STEPS
                 most += problem.overrun
             if done >= looked:
-                looked = done + _LOOK
+                looked = done + LOOK
                 if self.watch.expired(run.t):
                     return Status.TOO_LONG
                 halted = self.halted(done)
@@ -180,7 +179,7 @@ class Loop:
         (before, at), self.judged = self.judged, (done, run.t)
         whole = guarded and problem.whole > problem.end  # on a short way to a singular position all steps are short
         ahead = (problem.whole if whole else problem.end) - problem.t
-        if run.t - at >= (done - before) * _PACE * ahead:
+        if run.t - at >= (done - before) * PACE * ahead:
             return _OK
         if problem.held is not None and problem.held(run.t, run.x):
             return Status.CHATTERING

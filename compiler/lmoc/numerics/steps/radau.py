@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from lmoc.numerics.limits import FINEST_SMOOTH
 from lmoc.numerics.problem.base import Integration, Problem, Properties
 from lmoc.numerics.problem.status import Status
 from lmoc.support.sizes import DENSE
@@ -23,7 +24,6 @@ PROPERTIES = Properties(
     good_for="stiff scenes whose fastest mode swings, and where there is no SUNDIALS",
 )  # fmt: skip
 
-_FINEST = 1e-13  # relative tolerance below which Newton's method within a step meets rounding
 _NODES = np.array([0.0, (4 - 6**0.5) / 10, (4 + 6**0.5) / 10, 1.0])  # of collocation, and the beginning
 _FIT = np.linalg.inv(np.vander(_NODES, 4, increasing=True))  # from values there to coefficients
 _NOISE = 20 * float(np.finfo(float).eps)  # rounding of states and times in a polynomial through the nodes
@@ -66,7 +66,7 @@ class Radau(Integration):
             self.t,
             self.x,
             problem.end,
-            rtol=max(problem.rtol, _FINEST),
+            rtol=max(problem.rtol, FINEST_SMOOTH),
             atol=problem.atol,
             jac=self.jacobian,
             first_step=first_step,

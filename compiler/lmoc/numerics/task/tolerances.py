@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.numerics.limits import SMALL_PLAN
 from lmoc.numerics.observe.observer import find
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.task.sizes import ABSOLUTE, assumed_sizes
 from lmoc.numerics.task.task import Segment, Task
-
-_SMALL = 10_000  # registers
 
 
 class Tolerances:
@@ -65,7 +64,7 @@ class _StoredAtStart:
     def at(self, segment: Segment, x: np.ndarray) -> float:
         """Return the energy, J, at the state x (n,) where a segment begins."""
         plan, observer = segment.plan, segment.observer
-        small = plan.count <= _SMALL and not len(plan.sampled)  # then all that it depends on is quickly compared
+        small = plan.count <= SMALL_PLAN and not len(plan.sampled)  # then all that it depends on is quickly compared
         place = (segment.begin, x.tobytes(), observer.base.tobytes()) if small else None
         if place is None or place != self._place:
             values = observer(self._variable, np.array([segment.begin]), x[None])

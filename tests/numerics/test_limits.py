@@ -1,0 +1,60 @@
+"""The shared numbers of numerics: what is half of each, and five times as much, is on two sides of it.
+
+The numbers stand here by themselves, so that each test notices a factor of ten.
+"""
+
+import numpy as np
+import pytest
+
+import lmoc
+from lmoc.numerics.coordinates.tableau import equilibrated
+from lmoc.numerics.laws.complementarity import FREE, UPPER
+from lmoc.numerics.laws.cones import Friction, solve_with_cones
+from lmoc.numerics.observe.recorder import _is_same
+
+OSCILLATOR = """model Oscillator
+  Real x(start = 1, fixed = true), v(start = 0, fixed = true);
+equation
+  der(x) = v; der(v) = -x;
+end Oscillator;"""
+
+
+@pytest.fixture(scope="module")
+def oscillator():
+    return lmoc.compile_text(OSCILLATOR)
+
+
+@pytest.mark.parametrize("remainder, steps", [(5e-10, 10), (5e-9, 11)])
+def test_a_remainder_before_the_end_is_a_step_of_its_own(oscillator, remainder, steps):
+    """NO_STEP."""
+    run = oscillator.simulate(stop=0.01 * (10 + remainder), solver="rk4", step=0.01, points=2)
+    assert run.stats["steps"] == steps
+
+
+def test_no_tolerance_is_finer_than_rounding(oscillator):
+    """FINEST."""
+    with pytest.raises(lmoc.ModelError, match="E0541"):
+        oscillator.simulate(stop=1, rtol=5e-15)
+    assert oscillator.simulate(stop=1, solver="dop853", rtol=2e-14)["x"][-1] == pytest.approx(np.cos(1), abs=1e-13)
+
+
+@pytest.mark.parametrize("apart, same", [(5e-15, True), (5e-14, False), (-5e-15, False)])
+def test_an_output_time_just_before_an_event_is_that_of_the_event(apart, same):
+    """LOCATED."""
+    assert _is_same(1.0 - apart, 1.0) is same
+
+
+@pytest.mark.parametrize("share, counts", [(5e-13, False), (5e-12, True)])
+def test_entries_that_rounding_has_left_do_not_count(share, counts):
+    """NO_ENTRY: a column of them is none, and keeps the factor 1."""
+    _, columns = equilibrated(np.array([[1.0, share], [1.0, share]]))
+    assert bool(columns[1] != 1.0) is counts
+
+
+@pytest.mark.parametrize("short, side", [(5e-10, UPPER), (5e-9, FREE)])
+def test_a_friction_slides_at_its_limit(short, side):
+    """AT_LIMIT: a slope that it holds with all of its force but that share."""
+    push = 0.5 * (1.0 - short)
+    friction = Friction(np.array([1]), np.array([0]), np.array([0.5]))
+    found = solve_with_cones(np.eye(2), np.array([-1.0, -push]), np.zeros(2), np.full(2, np.inf), friction)
+    assert found.x == pytest.approx([1.0, push], rel=1e-12) and found.side[1] == side
