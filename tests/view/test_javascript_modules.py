@@ -201,3 +201,27 @@ def test_the_page_hangs_a_slack_string_where_the_still_picture_does(x, y):
     ends = [(e.x, e.y) for e in item.ends]
     half = [(a + 2 * c + b) / 4 for a, c, b in zip(ends[0], control, ends[1])]
     assert frame.place(shape.vertices[len(shape.vertices) // 2]) == pytest.approx(half, abs=0.02)
+
+
+def test_areas_of_stored_energy_add_up_to_what_is_stored():
+    """Those that change most by themselves, the rest together: above their least they make the whole."""
+    rng = np.random.default_rng(2)
+    energies = {f"p{k}.energy": (k + 1) * rng.normal(size=20) for k in range(8)}
+    small = {"a.energy": rng.normal(size=20), "b.energy": np.full(20, 3.0)}
+    told = []
+    for parts in (energies, small, {}):
+        total = sum(parts.values()) if parts else rng.normal(size=20)
+        columns = {name: values.tolist() for name, values in parts.items()}
+        body = f"""
+        const columns = {json.dumps(columns)}, total = {json.dumps(total.tolist())};
+        const areas = areasOf({{ of: (name) => columns[name] }}, total, Object.keys(columns));
+        const heights = total.map((_, k) => areas.reduce((sum, a) => sum + a.values[k] - a.least, 0));
+        const least = areas.map((a) => Math.min(...a.values.map((v) => v - a.least)));
+        const low = areas.reduce((sum, a) => sum + a.least, 0);
+        console.log(JSON.stringify([areas.map((a) => a.name), heights, least, low]));
+        """
+        names, heights, least, low = run_script(joined("plots.js") + body)
+        told.append(names)
+        assert np.allclose(np.array(heights) + low, total) and np.allclose(least, 0, atol=1e-9)
+    assert len(told[0]) == 6 and told[0][-1] == "stored in other parts" and "p7.energy" in told[0]
+    assert told[1] == ["a.energy"] and len(told[2]) == 1

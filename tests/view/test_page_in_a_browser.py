@@ -286,6 +286,32 @@ def test_events_are_walked_through_and_a_part_shows_its_equation():
     assert found["curves"] >= 1 and found["chosen"] >= 1
 
 
+def test_variables_are_plotted_over_each_other_and_the_energy_part_by_part(suspension):
+    dae, html = suspension
+    seen = open_page(html, FACTS + """
+      const over = $("over"), energy = document.querySelector("#energy .legend").textContent;
+      over.value = "q1"; over.dispatchEvent(new Event("change"));
+      $("time").value = "0.5"; $("time").dispatchEvent(new Event("input"));
+      const svg = document.querySelectorAll("svg.phase")[1];
+      const dot = ["cx", "cy"].map((k) => Number(svg.querySelector("circle").getAttribute(k)));
+      const points = svg.querySelector("path[stroke]").getAttribute("d").split(/[ML]/).slice(1)
+        .map((p) => p.match(/[-\\d.]+/g).map(Number));
+      const hash = location.hash, canvases = document.querySelectorAll("#plots canvas").length;
+      over.value = "no such name"; over.dispatchEvent(new Event("change"));
+      return { energy, dot, points, hash, canvases, back: document.querySelectorAll("#plots canvas").length };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == [] and "over=q1" in found["hash"] and found["canvases"] == 0 < found["back"]
+    assert "strut.energy" in found["energy"] and "lost" in found["energy"]
+    run = dae.simulate().fine
+    x, y = np.array([p[:2] for p in found["points"]]).T
+    for shown, values, here in ((x, run["q1"], found["dot"][0]), (y, run["v_q1"], found["dot"][1])):
+        assert len(shown) == len(values)
+        slope, offset = np.polyfit(values, shown, 1)
+        assert np.abs(slope * values + offset - shown).max() < 0.2  # px: the same curve
+        assert here == pytest.approx(slope * np.interp(0.5, run.time, values) + offset, abs=0.5)
+
+
 SLIDERS = """
 model M
   parameter Real a = 2 "not asked for";

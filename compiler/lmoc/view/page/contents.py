@@ -242,15 +242,16 @@ def _variable(run: Result, script: Script | None, number: int, value: float, col
     return entry
 
 
-def _energy(run: Result, table: _Table) -> dict[str, str] | None:
-    """Return the names of the ledger's variables and the error of its balance; None where there is none."""
+def _energy(run: Result, table: _Table) -> dict[str, Any] | None:
+    """Return the names of the ledger's variables and of the parts', and its balance; None where there is none."""
     names = {"stored": "ledger.stored", "supplied": "ledger.work", "lost": "ledger.heat"}
     numbers = [run.flat.find(name) for name in names.values()]
     if run.energy is None or any(n is None or not np.isin(n, table.numbers).all() for n in numbers):
         return None
     if not (run.energy.stored.any() or run.energy.supplied.any() or run.energy.lost.any()):
         return None
-    return names | {"text": energy_text(run)}
+    parts = [v["name"] for v in table.variables if v["name"].endswith(".energy") and "column" in v]
+    return {**names, "parts": parts, "text": energy_text(run)}
 
 
 # ---------------------------------------------------------------------- events and modes

@@ -11,6 +11,7 @@ import { listenToHand } from "./hand.js";
 import { ModeMotion } from "./modes.js";
 import { Motion, movers } from "./motion.js";
 import { Stage } from "./picture.js";
+import { PhasePlot } from "./phase.js";
 import { Player, SPEEDS } from "./player.js";
 import { Plots } from "./plots.js";
 
@@ -43,6 +44,8 @@ class Page {
     this.player = new Player(time[0] ?? 0, time[time.length - 1] ?? 0, (t) => this.show(t), () => this.writePlayer());
     const around = { seek: (t) => this.player.seek(t) };
     this.plots = new Plots($("plots"), around);
+    this.energy = new Plots($("energy"), around);
+    this.over = ""; // the variable that plots are over; "" for time
     const names = data.variables.map((v) => v.name);
     const state = read(location.hash);
     this.chooser = new Chooser($("chooser"), names, state.show?.filter((n) => names.includes(n)) ?? data.shown, () => this.draw());
@@ -117,7 +120,8 @@ class Page {
     $("keep").addEventListener("click", () => this.keep());
     $("share").addEventListener("click", () => this.share());
     document.addEventListener("keydown", (event) => this.key(event));
-    addEventListener("resize", () => this.plots.fit());
+    addEventListener("resize", () => [this.plots, this.energy].forEach((plots) => plots.fit()));
+    $("over").addEventListener("change", () => this.putOver($("over").value.trim()));
     addEventListener("hashchange", () => {
       if (location.hash.slice(1) === this.fragment()) return;
       const state = read(location.hash);
@@ -156,6 +160,8 @@ class Page {
   /** Take over of a state read from the address what needs no run. */
   put(state) {
     if (state.show !== null) this.chooser.put(state.show);
+    this.over = this.answer.has(state.over) ? state.over : "";
+    $("over").value = this.over;
     this.player.speed = state.speed;
     this.player.t = this.player.begin + state.t;
     this.forces = state.forces && !$("forces").disabled;
@@ -231,6 +237,14 @@ class Page {
     this.remember();
   }
 
+  /** Plot over a variable; over time where there is none of that name. */
+  putOver(name) {
+    this.over = this.answer.has(name) ? name : "";
+    $("over").value = this.over;
+    this.draw();
+    this.remember();
+  }
+
   setForces(on) {
     this.forces = on && !$("forces").disabled;
     $("forces").checked = this.forces;
@@ -262,7 +276,7 @@ class Page {
       pulls,
       against,
       show: same ? null : chooser.shown,
-      over: "",
+      over: this.over,
       part: card.part,
       forces,
     });
@@ -357,9 +371,13 @@ class Page {
   draw() {
     const { data, answer, against } = this;
     const other = against?.answer ?? null;
-    this.plots.draw(this.chooser.shown, answer, other, this.unitOf);
+    const make = (...given) => new PhasePlot(...given);
+    if (this.over) this.plots.drawOver(this.over, this.chooser.shown, answer, other, this.unitOf, make);
+    else this.plots.draw(this.chooser.shown, answer, other, this.unitOf);
+    this.energy.clear();
+    this.energy.events = answer.events;
     if (data.energy !== null && answer.time.length > 1) {
-      this.plots.drawEnergy(answer, data.energy, answer === this.given ? data.energy.text : balance(answer, data.energy));
+      this.energy.drawEnergy(answer, data.energy, answer === this.given ? data.energy.text : balance(answer, data.energy));
     }
     showEvents($("events"), answer.events, (t) => this.player.seek(t));
     for (const id of ["before", "after"]) $(id).hidden = answer.events.length === 0;
@@ -413,8 +431,7 @@ class Page {
       this.stage.show(this.motion, values, this.swing === null ? (this.otherPlaces?.(t) ?? null) : null);
       this.showForces(t, values);
     }
-    this.plots.show(t);
-    this.card.show(t);
+    for (const shown of [this.plots, this.energy, this.card]) shown.show(t);
     this.writeValues(t);
     $("modes").textContent = modesText(this.answer, t);
     const event = this.answer.events.findLast((e) => e.time === t);

@@ -1,9 +1,14 @@
 // Plots over time by uPlot: one panel a unit, the energy as a stacked band, a cursor tied to the picture.
 
 const HEIGHTS = [110, 190]; // px, the least and the most
+const MOST_AREAS = 5; // parts whose energy is shown by itself
+const NO_REST = 1e-3; // of the largest energy: what changes less is left out
 const AROUND = 62; // px of a title and a legend
 const COLOURS = 7; // --c0 … --c6 of the style
 const DASHES = [[], [6, 4], [2, 3], [8, 3, 2, 3]];
+
+/** The colour of the k-th curve of a plot. */
+export const colourOf = (k) => style(`--c${k % COLOURS}`);
 
 function style(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -58,7 +63,7 @@ class Panel {
         series: [{}, ...options.series],
         bands: options.bands ?? [],
         hooks: { draw: [(u) => drawEvents(u, events), () => this.show(this.t)] },
-        padding: [8, 8, 0, 0],
+        padding: [8, 16, 0, 0],
       },
       data,
       host,
@@ -79,6 +84,10 @@ class Panel {
     this.t = t;
     if (!Number.isFinite(t) || this.plot === undefined) return; // it is drawn later, with its scales
     this.cursor.style.transform = `translateX(${this.plot.valToPos(t, "x")}px)`;
+  }
+
+  destroy() {
+    this.plot.destroy();
   }
 
   fit() {
@@ -102,11 +111,22 @@ function drawEvents(u, events) {
   ctx.restore();
 }
 
-/** Where the band of stored energy begins: at its least, but at zero where it changes by no more than errors. */
-function floorOf(stored) {
-  const found = stored.filter(Number.isFinite);
-  const least = found.reduce((a, b) => Math.min(a, b), Infinity), most = found.reduce((a, b) => Math.max(a, b), -Infinity);
-  return least > 0 && most - least < 1e-3 * most ? 0 : least;
+/** What is stored, {name, values, least}, part by part: those that change most, and the rest together. */
+export function areasOf(answer, stored, names) {
+  const range = (values) => values.reduce(([a, b], v) => (Number.isFinite(v) ? [Math.min(a, v), Math.max(b, v)] : [a, b]), [Infinity, -Infinity]);
+  const found = names.map((name) => [name, answer.of(name)]).map(([name, values]) => ({ name, values, range: range(values) }));
+  const change = ({ range: [a, b] }) => b - a;
+  const chosen = found.filter((f) => change(f) > 0).sort((a, b) => change(b) - change(a)).slice(0, MOST_AREAS);
+  const rest = stored.map((v, k) => chosen.reduce((left, { values }) => left - values[k], v));
+  const [least, most] = range(rest);
+  const size = Math.max(...range(stored).map(Math.abs), ...chosen.map(change));
+  const areas = chosen.map(({ name, values, range: [low] }) => ({ name, values, least: low }));
+  if (areas.length > 0 && !(most - least > NO_REST * size)) {
+    // what is left over does not change: a constant, which no area shows
+    return areas.map((a, k) => (k ? a : { ...a, least: a.least + least, values: a.values.map((v, i) => v + rest[i]) }));
+  }
+  const floor = least > 0 && most - least < NO_REST * most ? 0 : least;
+  return [...areas, { name: areas.length ? "stored in other parts" : "stored (above its least)", values: rest, least: floor }];
 }
 
 function legend(entries) {
@@ -136,7 +156,7 @@ export class Plots {
     this.events = answer.events;
     for (const [unit, members] of byUnit(names, unitOf)) {
       const series = members.map((name, k) => ({
-        stroke: style(`--c${k % COLOURS}`),
+        stroke: colourOf(k),
         width: 1.8,
         dash: DASHES[Math.floor(k / COLOURS) % DASHES.length],
         label: name,
@@ -153,36 +173,51 @@ export class Plots {
     }
   }
 
-  /** The energy as a stacked band: what is stored, on it what was lost; the line is what was put in. */
-  drawEnergy(answer, { stored, supplied, lost }, text) {
-    const values = [stored, supplied, lost].map((name) => answer.of(name));
-    const low = floorOf(values[0]);
-    const [s0, p0, l0] = values.map((v) => v[0]);
-    const held = values[0].map((v) => v - low);
-    const heat = values[2].map((v, k) => held[k] + (v - l0));
-    const given = values[1].map((v) => s0 - low + (v - p0));
-    const zero = values[0].map(() => 0);
-    const line = (name) => ({ stroke: style(name), width: 1.5 });
-    const series = [line("--c1"), line("--c2"), { stroke: "transparent" }, { ...line("--ink"), dash: [6, 4], width: 1.2 }];
-    const bands = [
-      { series: [1, 2], fill: style("--c1-band") },
-      { series: [2, 3], fill: style("--c2-band") },
-    ];
+  /** Draw the variables `names` over another one, a panel a unit. `make(host, …)` makes a panel. */
+  drawOver(across, names, answer, against, unitOf, make) {
+    this.clear();
+    for (const [unit, members] of byUnit(names, unitOf)) {
+      const [host, figure] = this.figure(`${members.join(", ")}${unit ? ` in ${unit}` : ""} over ${across}`);
+      const label = `${across}${unitOf(across) ? ` in ${unitOf(across)}` : ""}`;
+      const describe = `${members.join(", ")} over ${across}`;
+      this.panels.push(make(host, members, across, answer, against, { across: label, describe }));
+      figure.append(legend(members.map((name, k) => ({ label: name, colour: colourOf(k) }))));
+    }
+  }
+
+  /** The energy as stacked areas: what each part stores, on it what was lost; the line is what was put in. */
+  drawEnergy(answer, { stored, supplied, lost, parts }, text) {
+    const [all, given, heat] = [stored, supplied, lost].map((name) => answer.of(name));
+    const own = areasOf(answer, all, parts);
+    const low = own.reduce((sum, { least }) => sum + least, 0);
+    const tops = [];
+    for (const { values, least } of own) tops.push(values.map((v, k) => v - least + (tops.at(-1)?.[k] ?? 0)));
+    const lostTop = all.map((v, k) => v - low + heat[k] - heat[0]);
+    const line = given.map((v) => all[0] - low + v - given[0]);
+    const stack = [all.map(() => 0), ...tops, lostTop];
+    const colours = [...own.map((_, k) => style(`--c${(k + 2) % COLOURS}`)), style("--c1")];
+    const series = [{ stroke: "transparent" }, ...colours.map((stroke) => ({ stroke, width: 1.2 }))];
+    series.push({ stroke: style("--ink"), dash: [6, 4], width: 1.2 });
+    const bands = colours.map((colour, k) => ({ series: [k + 2, k + 1], fill: `${colour}38` }));
     const entries = [
+      ...own.map(({ name }, k) => ({ label: name, colour: colours[k] })),
       { label: "lost", colour: style("--c1") },
-      { label: low === 0 ? "stored" : "stored (above its least)", colour: style("--c2") },
       { label: "at the start, and supplied since", colour: style("--ink"), dash: true },
     ];
-    const data = [answer.time, ...[heat, held, zero, given].map(gaps)];
-    this.add(`energy in J; ${text}`, entries, { series, bands }, data, `energy over time; ${text}`);
+    this.add(`energy in J; ${text}`, entries, { series, bands }, [answer.time, ...[...stack, line].map(gaps)], `energy over time; ${text}`);
+  }
+
+  figure(title) {
+    const figure = Object.assign(document.createElement("figure"), { className: "plot" });
+    const box = document.createElement("div");
+    figure.append(Object.assign(document.createElement("figcaption"), { textContent: title }), box);
+    this.host.append(figure);
+    return [box, figure];
   }
 
   add(title, entries, options, data, describe) {
-    const figure = Object.assign(document.createElement("figure"), { className: "plot" });
-    const caption = Object.assign(document.createElement("figcaption"), { textContent: title });
-    const box = document.createElement("div");
-    figure.append(caption, box, legend(entries));
-    this.host.append(figure);
+    const [box, figure] = this.figure(title);
+    figure.append(legend(entries));
     this.panels.push(new Panel(box, options, data, { ...this.around, events: this.events, describe }));
   }
 
@@ -195,7 +230,7 @@ export class Plots {
   }
 
   clear() {
-    for (const panel of this.panels) panel.plot.destroy();
+    for (const panel of this.panels) panel.destroy();
     this.panels = [];
     this.host.replaceChildren();
   }
