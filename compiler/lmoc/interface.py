@@ -142,6 +142,7 @@ class DAE(CompiledDAE):
         rtol: float | None = None,
         solver: str = "auto",
         seed: int = 0,
+        profile: bool | str | Sequence[str] = False,
     ) -> Fit:
         """Find the parameters and start values with which the scene comes nearest to measured data.
 
@@ -158,6 +159,8 @@ class DAE(CompiledDAE):
         starts : how many places the search begins at
         start, parameters, initial, inputs, rtol, solver : of the runs, as in `simulate`; rtol is 1e-9 by default
         seed : for the places at which the search begins
+        profile : True, or names of unknowns: `fit.profiles` has their profile likelihoods with the intervals that
+            follow, which hold where those from the covariance do not
 
         Raises
         ------
@@ -185,7 +188,7 @@ class DAE(CompiledDAE):
             options = {"rtol": 1e-9 if rtol is None else rtol, "solver": solver, "energy": booked}
             return self.simulate(own.get("start", begin), times=experiment.times, **given, **options)
 
-        return fit(simulate, measured, unknowns, sigma, starts, seed)
+        return fit(simulate, measured, unknowns, sigma, starts, seed, profile)
 
     def _moving(self, names: Iterable[str]) -> set[str]:
         """Return those of some names that are variables and no parameters."""

@@ -4,6 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq, minimize_scalar
+from scipy.stats import chi2, f
 
 import lmoc
 from lmoc.cli.main import main
@@ -158,3 +160,63 @@ def test_data_may_hold_what_the_ledger_of_a_run_holds(tmp_path) -> None:
     dae = lmoc.compile_text(text)
     dae.simulate(stop=2, rtol=1e-9).save(str(tmp_path / "run.csv"))  # all variables, ledger.heat among them
     assert dae.fit(tmp_path / "run.csv", free={"m.m": 1.5}).values["m.m"] == pytest.approx(2.0, rel=1e-6)
+
+
+DECAY = """
+model Decay
+  parameter Real c = 1, a = 1, b = 1;
+  output Real x(start = 1, fixed = true);
+equation
+  der(x) = -c*x;
+end Decay;
+"""
+
+
+@pytest.mark.parametrize("sigma", [0.1, None])
+def test_profile_likelihoods(sigma):
+    """Of x = a exp(-c t) with few noisy data, whose profile over c has a closed form: a is linear."""
+    t, noise = np.array([0.2, 0.5, 1.0, 2.0, 3.0]), np.array([0.06, -0.11, 0.09, 0.05, -0.07])
+    data = 1.5 * np.exp(-0.9 * t) + noise
+    found = lmoc.compile_text(DECAY).fit({"time": t, "x": data}, {"c": 1, "x": 1}, sigma=sigma, profile=["c"], start=0)
+
+    def squares(c):
+        e = np.exp(-c * t)
+        return np.sum((data - e * (data @ e) / (e @ e)) ** 2)
+
+    least = minimize_scalar(squares, bounds=(0.1, 5), method="bounded", options={"xatol": 1e-10})
+    variance = 0.1**2 if sigma else least.fun / 3
+    limit = (chi2.ppf(0.95, 1) if sigma else f.ppf(0.95, 1, 3)) * variance + least.fun
+    low, high = (
+        brentq(lambda c: squares(c) - limit, *sorted((least.x, far))) if squares(far) > limit else np.inf
+        for far in (0.001, 60.0)
+    )
+    own = found.profiles["c"]
+    assert (own.low, own.high) == pytest.approx((low, high), rel=1e-3) and not own.lower
+    assert (np.diff(own.values) > 0).all() and (np.diff(own.distance) >= 0).all()
+    linear = found.intervals["c"]
+    assert own.high - found.values["c"] > 1.05 * (linear[1] - found.values["c"]), "it leans to one side"
+    assert "by its profile likelihood" in str(found)
+
+
+def test_profiles_of_what_data_do_not_bound_and_of_bounds(dae):
+    data = {"time": TIMES, "x": truth(c=0.0)}
+    found = dae.fit(data, {"k": (38, 1, np.inf), "m": 1.9}, parameters={"c": 0}, sigma=0.01, profile="k")
+    assert not found.identifiable and found.profiles["k"].high == np.inf and found.profiles["k"].low == 1
+    with pytest.raises(ModelError, match="E0668"):
+        dae.fit(data, {"k": 30}, profile="m")
+
+
+def test_a_lower_minimum_is_told(dae):
+    """A phase that is wrong by a turn is a minimum, too."""
+    data = {"time": TIMES, "x": truth()}
+    found = dae.fit(data, {"k": 300.0}, sigma=0.2, profile=True)
+    own = found.profiles["k"]
+    assert found.values["k"] == pytest.approx(40, rel=0.01) or own.lower or own.low > 60
+
+
+def test_pictures_of_profiles(dae, tmp_path):
+    found = dae.fit({"time": TIMES, "x": truth()}, {"k": 35, "c": 1}, sigma=0.05, profile=True)
+    assert set(found.profiles) == {"k", "c"}
+    assert len(found.plot(tmp_path / "profile.png", kind="profile").axes) == 2 and (tmp_path / "profile.png").exists()
+    with pytest.raises(ModelError, match="E0668"):
+        dae.fit({"time": TIMES, "x": truth()}, {"k": 35}).plot(kind="profile")

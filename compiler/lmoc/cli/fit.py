@@ -37,6 +37,7 @@ def configure(parser: Parser) -> None:
     add("--sigma", type=positive, metavar="S", help="standard deviation of the data (estimated)")
     add("--starts", type=ordinal, metavar="N", default=1, help="begin at N places and take the best (1)")
     add("--seed", type=int, metavar="N", default=0, help="for these places (0)")
+    add("--profile", action="store_true", help="intervals by profile likelihood, too")
     add("--start", type=number, metavar="S", help="start time (experiment, else 0)")
     add("--init", type=assignment(number), metavar="NAME=VALUE", action="append", default=[],
         help="fix a variable at the start; may be repeated")  # fmt: skip
@@ -65,14 +66,15 @@ def execute(arguments: argparse.Namespace) -> int:
         found = dae.fit(
             list(arguments.data), free, dict(arguments.outputs) or None, arguments.sigma, arguments.starts,
             start=arguments.start, initial=dict(arguments.init), inputs=dict(arguments.input), rtol=arguments.rtol,
-            seed=arguments.seed,
+            seed=arguments.seed, profile=arguments.profile,
         )  # fmt: skip
     if arguments.plot is not None:
         found.plot(arguments.plot)
     if arguments.json:
         data = {"values": found.values, "deviations": found.deviations, "intervals": found.intervals,
                 "undetermined": found.undetermined, "sigma": found.sigma, "converged": found.converged,
-                "message": found.message}  # fmt: skip
+                "message": found.message,
+                "profiles": {name: (own.low, own.high) for name, own in found.profiles.items()}}  # fmt: skip
         from lmoc.report.summary import plain
 
         print(json.dumps(plain(data), indent=2, ensure_ascii=False))

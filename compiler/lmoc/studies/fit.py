@@ -7,6 +7,7 @@ Dennis, Schnabel, Numerical Methods for Unconstrained Optimization (1983), ch. 1
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ import numpy as np
 
 from lmoc.messages.diagnostics import ModelError, SimulationError
 from lmoc.studies.measured import Experiment, refusal
+from lmoc.studies.profile import Conditional, Place, Profile, profile_of
 from lmoc.support import budget
 from lmoc.support.records import dataclass
 
@@ -81,6 +83,7 @@ class Fit:
     sigma : {column: standard deviation of the data}, as given or as estimated
     runs : of each experiment, at the times of its data
     experiments : what was measured
+    profiles : {name: its profile likelihood}, of those that were asked for
     message : why the search has ended
     evaluations : simulations
     converged : whether it has ended at a minimum
@@ -100,6 +103,7 @@ class Fit:
     message: str
     evaluations: int
     converged: bool
+    profiles: Mapping[str, Profile] = field(default_factory=dict)
 
     @property
     def run(self) -> Run:
@@ -118,11 +122,20 @@ class Fit:
         with np.errstate(all="ignore"):
             return self.covariance / np.outer(own, own)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw data, fit and its band, and the residuals; see `lmoc.studies.fit_plot.plot`."""
-        from lmoc.studies.fit_plot import plot
+    def plot(self, path: str | Path | None = None, kind: str = "data") -> Figure:
+        """Draw data, fit and its band, and the residuals; see `lmoc.studies.fit_plot`.
 
-        return plot(self, path)
+        Parameters
+        ----------
+        kind : "data", or "profile": the profile likelihoods that were asked for
+        """
+        from lmoc.studies.fit_plot import plot, plot_profiles
+
+        if kind not in ("data", "profile"):
+            raise ValueError(f"kind is 'data' or 'profile', found {kind!r}")
+        if kind == "profile" and not self.profiles:
+            raise refusal("no profile likelihoods were asked for", "profile=True")
+        return plot(self, path) if kind == "data" else plot_profiles(self, path)
 
     def __str__(self) -> str:
         width = max(map(len, self.values))
@@ -131,6 +144,10 @@ class Fit:
             low, high = self.intervals[name]
             spread = "not determined" if np.isinf(high) else f"± {self.deviations[name]:.2g}   [{low:.6g}, {high:.6g}]"
             lines.append(f"{name:<{width}}  {value:.6g}  {spread}")
+        for name, own in self.profiles.items():
+            lines.append(f"{name:<{width}}  by its profile likelihood [{own.low:.6g}, {own.high:.6g}]")
+            if own.lower:
+                lines.append(f"{name:<{width}}  other values fit better: this is not the lowest minimum (starts=5)")
         for direction in self.undetermined:
             terms = ", ".join(f"{name} by {100 * weight:.3g} %" for name, weight in direction.items())
             lines.append(f"the data do not tell apart values that change together: {terms}")
@@ -184,15 +201,25 @@ class _Misses:
             return np.full(self.size, 1e8)
         return found if np.isfinite(found).all() else np.full(self.size, 1e8)
 
-    def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Return the derivatives (m, n) by central differences, one-sided at bounds."""
+    def jacobian(self, x: np.ndarray, which: Sequence[int] | None = None) -> np.ndarray:
+        """Return the derivatives (m, n) by central differences, one-sided at bounds; of some unknowns, or of all."""
         columns = []
-        for k, unknown in enumerate(self.unknowns):
+        for k in range(len(x)) if which is None else which:
+            unknown = self.unknowns[k]
             step = _STEP * (abs(x[k]) or max(abs(unknown.start), 1e-2))
             low, high = x.copy(), x.copy()
             low[k], high[k] = max(x[k] - step, unknown.low), min(x[k] + step, unknown.high)
             columns.append((self.of(self.runs(high)) - self.of(self.runs(low))) / (high[k] - low[k]))
         return np.stack(columns, axis=1)
+
+    def slopes(self, x: np.ndarray, which: Sequence[int] | None = None) -> np.ndarray:
+        """Return the same; zero where there is no run."""
+        try:
+            found = self.jacobian(x, which)
+        except (SimulationError, ModelError) as error:
+            self.refused = error
+            return np.zeros((self.size, len(x) if which is None else len(which)))
+        return np.where(np.isfinite(found), found, 0.0)
 
 
 def fit(
@@ -202,6 +229,7 @@ def fit(
     sigma: float | Mapping[str, float] | None,
     starts: int,
     seed: int = 0,
+    profile: bool | Sequence[str] = False,
 ) -> Fit:
     """Find the values with which a scene comes nearest to what was measured.
 
@@ -211,6 +239,7 @@ def fit(
     sigma : standard deviation of the data, for all columns or by column; None to estimate it from the residuals: then
         columns count by the range of their values
     starts : how many places the search begins at: the given one, and others drawn within the bounds
+    profile : the unknowns whose profile likelihood is wanted; True for all
 
     Raises
     ------
@@ -223,8 +252,57 @@ def fit(
         raise refusal(f"{misses.size} numbers were measured, which do not determine {len(unknowns)} unknowns")
     begin = np.array([u.start for u in unknowns])
     misses.of(misses.runs(begin))  # what is wrong there is told
+    named = _profiled(unknowns, profile)
     found = min((_search(misses, x) for x in _places(unknowns, starts, seed)), key=lambda result: result.cost)
-    return _judged(misses, found, scales, sigma is None)
+    made = _judged(misses, found, scales, sigma is None)
+    if not named:
+        return made
+    freedom = misses.size - len(unknowns)
+    variance = 2 * float(found.cost) / freedom if sigma is None else 1.0
+    conditional = _conditional(misses, float(found.cost), max(variance, np.finfo(float).tiny))
+    limit = _factor(freedom, sigma is None)
+    profiles = {
+        unknowns[k].name: profile_of(
+            k, unknowns[k], found.x, float(np.sqrt(made.covariance[k, k])), limit, conditional
+        )
+        for k in named
+    }
+    return replace(made, profiles=profiles, evaluations=misses.count)
+
+
+def _profiled(unknowns: Sequence[Unknown], profile: bool | Sequence[str]) -> list[int]:
+    """Return of which unknowns the profiles are wanted."""
+    names = [u.name for u in unknowns]
+    wanted = (names if profile else []) if isinstance(profile, bool) else profile
+    wanted = [wanted] if isinstance(wanted, str) else list(wanted)
+    unknown = [name for name in wanted if name not in names]
+    if unknown:
+        raise refusal(f"a profile of '{unknown[0]}' was asked for, which is not free", f"one of {', '.join(names)}")
+    return [names.index(name) for name in wanted]
+
+
+def _conditional(misses: _Misses, least: float, variance: float) -> Conditional:
+    """Return how the sum of squares grows from its least half where one unknown is held, the others at their best."""
+
+    def place(k: int, value: float, guess: np.ndarray) -> Place:
+        others = [j for j in range(len(guess)) if j != k]
+
+        def whole(y: np.ndarray) -> np.ndarray:
+            x = np.array(guess, float)
+            x[k], x[others] = value, y
+            return x
+
+        slope = np.eye(len(guess))[k]
+        if not others:
+            x = whole(np.zeros(0))
+            return Place(float(np.sum(misses(x) ** 2) - 2 * least) / variance, x, slope)
+        low, high = ([getattr(misses.unknowns[j], end) for j in others] for end in ("low", "high"))
+        found = _search(misses, np.clip(guess[others], low, high), others, whole)
+        x = whole(found.x)
+        slope[others] = np.linalg.lstsq(found.jac, -misses.slopes(x, [k])[:, 0], rcond=None)[0]
+        return Place(2 * (float(found.cost) - least) / variance, x, slope)
+
+    return place
 
 
 def _scales(experiments: Sequence[Experiment], sigma: float | Mapping[str, float] | None) -> dict[str, float]:
@@ -265,32 +343,44 @@ def _between(unknown: Unknown, share: float) -> float:
     return float(np.clip(start * _FAR ** (2 * share - 1), low, high))
 
 
-def _search(misses: _Misses, x: np.ndarray) -> Any:
+def _search(
+    misses: _Misses, x: np.ndarray, which: Sequence[int] | None = None,
+    whole: Callable[[np.ndarray], np.ndarray] = lambda x: x,
+) -> Any:  # fmt: skip
+    """Find the least sum of squares over some unknowns, or all.
+
+    Parameters
+    ----------
+    which, whole : these unknowns, and what makes all values of theirs
+    """
     from scipy.optimize import least_squares
 
-    def slopes(at: np.ndarray) -> np.ndarray:
-        try:
-            found = misses.jacobian(at)
-        except (SimulationError, ModelError) as error:
-            misses.refused = error
-            return np.zeros((misses.size, len(at)))
-        return np.where(np.isfinite(found), found, 0.0)
+    unknowns = misses.unknowns if which is None else [misses.unknowns[k] for k in which]
 
-    bounds = [u.low for u in misses.unknowns], [u.high for u in misses.unknowns]
-    return least_squares(misses, x, jac=slopes, bounds=bounds, x_scale="jac", xtol=1e-10, ftol=1e-12, gtol=1e-12)
+    def slopes(at: np.ndarray) -> np.ndarray:
+        return misses.slopes(whole(at), which)
+
+    bounds = [u.low for u in unknowns], [u.high for u in unknowns]
+    exact = {"x_scale": "jac", "xtol": 1e-10, "ftol": 1e-12, "gtol": 1e-12}
+    return least_squares(lambda at: misses(whole(at)), x, jac=slopes, bounds=bounds, **exact)
+
+
+def _factor(freedom: int, estimated: bool) -> float:
+    """Return half the width of an interval in standard deviations."""
+    from scipy.stats import norm, t
+
+    return float(t.ppf((1 + LEVEL) / 2, freedom) if estimated else norm.ppf((1 + LEVEL) / 2))
 
 
 def _judged(misses: _Misses, found: Any, scales: Mapping[str, float], estimated: bool) -> Fit:
     """Return the fit with what the data say about its values."""
-    from scipy.stats import norm, t
-
     x, names = found.x, misses.names
     runs = misses.runs(x)
     residuals, jacobian = misses.of(runs), misses.jacobian(x)
     freedom = len(residuals) - len(x)
     variance = float(residuals @ residuals) / freedom if estimated else 1.0
     covariance, undetermined = _covariance(jacobian, x, names, variance)
-    factor = t.ppf((1 + LEVEL) / 2, freedom) if estimated else norm.ppf((1 + LEVEL) / 2)
+    factor = _factor(freedom, estimated)
     spread = np.sqrt(np.diag(covariance))
     own = np.split(residuals, np.cumsum([len(t) for e in misses.experiments for t, _, _ in e.columns.values()])[:-1])
     rows = np.split(jacobian, np.cumsum([len(t) for e in misses.experiments for t, _, _ in e.columns.values()])[:-1])

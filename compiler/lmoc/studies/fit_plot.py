@@ -10,6 +10,7 @@ import numpy as np
 
 from lmoc.report.plots import COLOURS, GREY, finished, literal, stacked
 from lmoc.studies.measured import Experiment
+from lmoc.studies.profile import Profile
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,6 +29,8 @@ class Fitted(Protocol):
     runs: Sequence[Run]
     experiments: Sequence[Experiment]
     slopes: Sequence[Mapping[str, np.ndarray]]
+    deviations: Mapping[str, float]
+    profiles: Mapping[str, Profile]
 
 
 def plot(fit: Fitted, path: str | Path | None = None) -> Figure:
@@ -43,6 +46,28 @@ def plot(fit: Fitted, path: str | Path | None = None) -> Figure:
     figure, axes = stacked(2 * len(shown), path, title, share=False)
     for (k, column), upper, lower in zip(shown, axes[::2], axes[1::2], strict=True):
         _column(upper, lower, fit, k, column)
+    return finished(figure, path)
+
+
+def plot_profiles(fit: Fitted, path: str | Path | None = None) -> Figure:
+    """Draw the profile likelihoods, with where they end, and what the covariance says of them dashed.
+
+    Raises
+    ------
+    ModelError
+        E0623, E0624: the picture cannot be written.
+    """
+    figure, axes = stacked(len(fit.profiles), path, "profile likelihoods", share=False)
+    for own, (name, profile) in zip(axes, fit.profiles.items(), strict=True):
+        own.plot(profile.values, profile.distance, "-", color=COLOURS[0])
+        spread = fit.deviations[name]
+        if np.isfinite(spread) and spread > 0:
+            own.plot(profile.values, (profile.values - fit.values[name]) / spread, "--", color=GREY)
+        for end in (profile.low, profile.high):
+            if np.isfinite(end):
+                own.axvline(end, color=COLOURS[1], linewidth=0.8)
+        own.set_xlabel(literal(name))
+        own.set_ylabel("standard deviations")
     return finished(figure, path)
 
 
