@@ -63,11 +63,10 @@ class SwitchingBlocks:
         if key not in self._found:
             self._interpreter.reset()
             self._interpreter.run(w, time)
-            reads = [
-                own
-                for own, block in zip(self._read, self._blocks, strict=True)
-                if any(is_singular(one) for one in self._interpreter.matrix(block, w, time))
-            ]
+            with np.errstate(all="ignore"):
+                matrices = [self._interpreter.matrix(block, w, time) for block in self._blocks]
+            singular = [any(is_singular(one) for one in block) for block in matrices]
+            reads = [own for own, chosen in zip(self._read, singular, strict=True) if chosen]
             if len(self._found) >= _KEPT:
                 self._found.clear()
             self._found[key] = np.unique(np.concatenate([np.zeros(0, int), *reads]))

@@ -103,6 +103,8 @@ def risks(shape: Expr) -> tuple[tuple[Expr, list[int]], ...]:
             risk = _inverse(node.args[1]) if FUNCTIONS[node.op].divides else node
             if not (risk.is_const or _is_polynomial(node)):
                 found[risk] = None
+        elif node.is_const and node.value != node.value:  # no element for a subscript: where nobody asks, none is lost
+            found[shape] = None
     return tuple(_compact(risk) for risk in found)
 
 

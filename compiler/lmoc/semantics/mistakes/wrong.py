@@ -128,6 +128,20 @@ class NotKnown(Wrong):
     """A value must be known when compiling and is not."""
 
 
+class NotKnownSubscript(NotKnown):
+    """A subscript that changes while it runs.
+
+    Attributes
+    ----------
+    expression : the subscript, a node of the syntax tree
+    length : of the axis
+    """
+
+    def __init__(self, wrong: NotKnown, expression: object, length: int) -> None:
+        super().__init__()
+        self.diagnostic, self.expression, self.length = wrong.diagnostic, expression, length
+
+
 class Exhausted(Wrong):
     """A budget is spent: nothing more of the model is made."""
 

@@ -17,9 +17,9 @@ from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import ENUMERATIONS, Builtin
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.mistakes.wrong import NoElement, NotAlike, NotThere, OutOfRange, Wrong
+from lmoc.semantics.mistakes.wrong import NoElement, NotAlike, NotKnown, NotKnownSubscript, NotThere, OutOfRange, Wrong
 from lmoc.semantics.nodes.instance import Absent, Broken, Instance, InstanceNode, Variable
-from lmoc.semantics.values.context import Context, translates
+from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import Index, align, positions
 from lmoc.semantics.values.value import Value, number, stack
 from lmoc.support.records import dataclass
@@ -58,7 +58,6 @@ class Located:
         return tuple(a.length for a in self.axes if isinstance(a, Slice))
 
 
-@translates(tree.Ref)
 def reference(context: Context, ref: tree.Ref) -> Value:
     """The value of a name."""
     first = ref.parts[0]
@@ -212,7 +211,12 @@ def subscript(context: Context, expression: tree.Expression, length: int, name: 
         context.end = before
     if value.type == "String" or len(value.dims) > 1:
         raise Wrong("E0301", "a subscript must be an integer", expression.span, found=value.type)
-    numbers = context.known(value, expression.span, "a subscript")
+    try:
+        numbers = context.known(value, expression.span, "a subscript")
+    except NotKnown as wrong:
+        if value.dims or value.type != "Integer":
+            raise
+        raise NotKnownSubscript(wrong, expression, length) from None
     if value.type == "Boolean":
         numbers = numbers + 1.0  # `false` is the first
     if not np.isfinite(numbers).all():
