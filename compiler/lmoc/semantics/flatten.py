@@ -44,8 +44,8 @@ from lmoc.semantics.nodes.class_check import check_classes
 from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable, root_instance
 from lmoc.semantics.nodes.overrides import Overrides
 from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
-from lmoc.semantics.values import variable_subscripts as _names  # noqa: F401  registers that of names
 from lmoc.semantics.values import texts as _texts  # noqa: F401  registers String
+from lmoc.semantics.values import variable_subscripts as _names  # noqa: F401  registers that of names
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import named_variable
 from lmoc.sources.packages import Folder

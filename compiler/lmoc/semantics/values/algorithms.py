@@ -118,7 +118,7 @@ class Algorithm:
             check_size(math.prod(dims), f"'{name}'", component.span)
             value = number(float("nan"), variable.type)  # used before it is assigned: found where it is used
             for size in reversed(dims):
-                value = stack([value] * size)
+                value = stack([value] * size, value.dims, value.type)
             self.values[name] = value
 
     def _statements(self, statements: tuple[tree.Statement, ...]) -> None:

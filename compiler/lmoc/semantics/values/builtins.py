@@ -24,7 +24,7 @@ from lmoc.semantics.values.translate import (
     sizes_differ,
     warn_kink,
 )
-from lmoc.semantics.values.value import Value, common_type, number, stack
+from lmoc.semantics.values.value import Value, common_type, number, stack, text
 from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
 
@@ -143,6 +143,18 @@ def _no_event(context: Context, call: tree.Call) -> Value:
 @builtin("smooth")
 def _smooth_order(context: Context, call: tree.Call) -> Value:
     return _quietly(context, lambda: arguments(context, call, 2)[1])
+
+
+@builtin("getInstanceName")
+def _instance_name(context: Context, call: tree.Call) -> Value:
+    """The name of the part that this is, from the model on (3.7.4)."""
+    arguments(context, call, 0)
+    if context.node is None:
+        raise Wrong("E0203", "'getInstanceName' has no meaning in a function", call.span)
+    if context.node.total:
+        raise Wrong("E0230", "'getInstanceName' in an array of parts is not available yet", call.span)
+    model = context.model.root.cls.name.rsplit(".", 1)[-1]
+    return text(".".join((model, *(name for name, _ in context.node.path))))
 
 
 @builtin("homotopy")
