@@ -54,8 +54,8 @@ SEMANTICS: dict[str, Entry] = {
     "E0211": Entry(
         "must be known when compiling",
         "The number of parts, the range of a loop, the condition of a part or of an if-equation: these determine the\n"
-        "structure of the model and may use parameters, constants and literals only. So may a subscript, unless it is an\n"
-        "Integer that reads one element of an array.",
+        "structure of the model and may use parameters, constants and literals only. So may a subscript, unless it is\n"
+        "an Integer that reads one element of an array.",
     ),
     "E0212": Entry(
         "a structural value is missing",
