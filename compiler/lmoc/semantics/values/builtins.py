@@ -309,8 +309,9 @@ def _transpose(context: Context, call: tree.Call) -> Value:
 def _reduced(context: Context, call: tree.Call) -> Value:
     """The array in ``sum(array)``, ``sum(e for i in r)`` and the same for products."""
     if len(call.arguments) == 1 and isinstance(call.arguments[0], tree.Comprehension):
-        return comprehension(context, call.arguments[0])
-    (array,) = arguments(context, call, 1)
+        array = comprehension(context, call.arguments[0])
+    else:
+        (array,) = arguments(context, call, 1)
     need_number(array, call.span)
     return array
 
