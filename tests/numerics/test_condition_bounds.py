@@ -71,7 +71,9 @@ def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch
         np.testing.assert_allclose(run[name], other[name], rtol=1e-11, atol=1e-11 * np.abs(other[name]).max())
 
 
-@pytest.mark.parametrize("options", [{"solver": "dop853"}, {"solver": "taylor"}, {"formulation": "projected"}])
+@pytest.mark.parametrize(
+    "options", [{"solver": "dop853"}, {"solver": "taylor"}, {"solver": "dop853", "formulation": "projected"}]
+)
 def test_output_for_which_there_is_no_room_in_a_batch_comes_with_the_next(options, monkeypatch):
     dae = lmoc.compile(ROOT / "models/planar/four_bar.lmo")
     whole = dae.simulate(stop=1, points=500, **options)

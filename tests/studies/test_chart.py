@@ -284,7 +284,7 @@ def test_what_is_charted_follows_from_the_scene_and_not_from_the_clock(text, mon
 
 def test_what_a_quick_chart_recommends_has_the_digits_in_the_whole_run(monkeypatch):
     """The errors of an undamped motion add up: what has six digits at the beginning has five in the end."""
-    monkeypatch.setattr(chart_module, "_QUICK_RUN", 0.003)
+    monkeypatch.setattr(chart_module, "_QUICK_RUN", 0.001)
     dae = lmoc.compile_text(OSCILLATOR.replace("StopTime = 5", "StopTime = 500"))
     chart = dae.chart(["dop853", "adams"], rtols=[1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-11], quick=True)
     assert "to be quick, only until" in chart.note

@@ -24,14 +24,16 @@ def scripts(files: list[Path], **options) -> list[tuple[object, Script]]:
     return [(run, write_script(run.trajectory)) for run in runs]
 
 
-def test_every_scene_of_the_notes_and_its_variables():
-    runs = [lmoc.compile(file).simulate() for file in sorted((MODELS / "notes").glob("*.lmo"))]
+@pytest.mark.parametrize("solver, agree", [("dop853", AGREE), ("auto", 1e-5)])
+def test_every_scene_of_the_notes_and_its_variables(solver, agree):
+    """Of the same method as the page's, and of what Python prefers: there both are right within the tolerance."""
+    runs = [lmoc.compile(file).simulate(solver=solver) for file in sorted((MODELS / "notes").glob("*.lmo"))]
     smooth = [run for run in runs if run.reduced.switched is None]
-    assert len(smooth) >= 31
+    assert len(smooth) >= 31 and any(run.stats["solver"] == "taylor" for run in smooth) is (solver == "auto")
     cases = [(run, write_script(run.trajectory)) for run in smooth]
     for (run, script), again in zip(cases, repeat([(run, script, []) for run, script in cases]), strict=True):
         assert again.complete, (run.flat.name, again.reason)
-        assert difference(run, again) < AGREE, run.flat.name
+        assert difference(run, again) < agree, run.flat.name
         assert script.data["held"] == [], run.flat.name
 
 
@@ -80,11 +82,11 @@ def test_what_is_bound_follows():
     end Bound;
     """
     dae = lmoc.compile_text(text)
-    run = dae.simulate(stop=3, points=20)
+    run = dae.simulate(stop=3, points=20, solver="dop853")
     script = write_script(run.trajectory, 3.0)
     found = {s.name: s for s in sliders(run.trajectory.observer, script.slots)}
     assert "k" in found and "stiff" not in found and "spring.k" not in found
-    truth = dae.simulate(stop=3, points=20, parameters={"k": 3.0, "a": -0.4})
+    truth = dae.simulate(stop=3, points=20, parameters={"k": 3.0, "a": -0.4}, solver="dop853")
     (again,) = repeat([(truth, script, [[found["k"].slot, 3.0], [found["a"].slot, -0.4]])])
     assert difference(truth, again) < 1e-7
     assert truth["h"][0] == pytest.approx(0.6)
@@ -218,7 +220,7 @@ def test_the_functions_of_the_language():
     shown = terms.split()
     text = "model M Real x(start=-0.9,fixed=true); " + " ".join(f"Real y{k};" for k in range(len(shown)))
     text += " equation der(x) = 1; " + " ".join(f"y{k} = noEvent({e});" for k, e in enumerate(shown)) + " end M;"
-    run = lmoc.compile_text(text).simulate(stop=1.8, points=37)
+    run = lmoc.compile_text(text).simulate(stop=1.8, points=37, solver="dop853")
     (again,) = repeat([(run, write_script(run.trajectory, 1.8), [])])
     jumps = {k for k, e in enumerate(shown) if e.startswith(("floor", "ceil", "integer", "mod", "rem", "div"))}
     for k, e in enumerate(shown):

@@ -48,7 +48,7 @@ def judge(found, least=1e-6):
 
 
 def test_every_scene_with_laws():
-    judge(repeated([(lmoc.compile(file), {}) for file in WITH_LAWS], points=60), 1e-7)
+    judge(repeated([(lmoc.compile(file), {}) for file in WITH_LAWS], points=60, solver="dop853", rtol=1e-9), 1e-7)
 
 
 def test_a_small_tolerance_where_rounding_decides_about_the_steps():

@@ -150,6 +150,19 @@ def test_every_scene_of_the_notes_has_a_page_below_the_limit():
         assert len(html.encode()) < LIMIT / 2 and "<math" in html
 
 
+def test_the_page_says_by_which_method_it_simulates():
+    """Of a run by another method it is as right at a tolerance ten times finer; where it has none, it says nothing."""
+    dae = lmoc.compile(MODELS / "notes" / "ex05_suspension.lmo")
+    for solver, rtol in (("dop853", "1e-06"), ("taylor", "1e-07")):
+        html = dae.simulate(solver=solver).view().html
+        assert f"<td>{solver} (requested), rtol 1e-06</td>" in html
+        said = re.search(r'<th scope="row">in this page</th><td>(.*?)</td>', html)[1]
+        assert said == f"DOP853, and Radau IIA where stability limits its steps, rtol {rtol}"
+        assert data_of(html)["script"]["rtol"] == float(rtol)
+    dae = lmoc.compile_text("model M input Real u; Real x(start = 1, fixed = true); equation der(x) = u; end M;")
+    assert "<th scope=\"row\">in this page" not in dae.simulate(stop=1, inputs={"u": lambda t: t}).view().html
+
+
 def test_laws_events_and_modes():
     run = lmoc.compile(MODELS / "laws" / "h06_bungee.lmo").simulate()
     data = contents(run, "bungee").data

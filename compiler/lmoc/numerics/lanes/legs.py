@@ -59,19 +59,21 @@ class Legs:
 
     def __init__(
         self, system: EngineSystem, base: np.ndarray, x: np.ndarray, begin: float, end: float, times: np.ndarray,
-        longest: float, patience: float, order: int | None = None,
+        longest: float, patience: float, order: int | None = None, among: Legs | None = None,
     ) -> None:  # fmt: skip
         """
         Parameters
         ----------
         times : s, those of output behind the beginning
         order : of a Taylor series; None for DOP853
+        among : legs of the same runs with another method: what is known of the runs is in one place
         """
-        runs, n = x.shape
-        self.base, self.x, self.times = np.ascontiguousarray(base), np.array(x), np.ascontiguousarray(times)
-        self.atol, self.state = np.empty((runs, n)), np.zeros(runs, LEG)
-        self.out = np.full((runs, len(times), n), np.nan)
-        self.state["time"], self.state["step"] = begin, np.inf
+        n = x.shape[1]
+        if among is None:
+            self._stand_at_the_beginning(base, x, begin, times)
+        else:
+            self.base, self.x, self.times = among.base, among.x, among.times
+            self.atol, self.state, self.out = among.atol, among.state, among.out
         self._engine = library()
         arrays = [a.ctypes.data for a in (self.base, self.x, self.atol, self.state)]
         registers = base.shape[1], len(system.kernel.tape.blocks)
@@ -92,6 +94,13 @@ class Legs:
             series, call = own.with_series(order), ctypes.pointer(own.shared_call())
             blocks = base.shape[1], len(own.kernel.tape.blocks), own.start_blocks
             self._lanes = _Lanes(call, *blocks, *arrays, *span, None, ctypes.pointer(series), ctypes.pointer(walk))
+
+    def _stand_at_the_beginning(self, base: np.ndarray, x: np.ndarray, begin: float, times: np.ndarray) -> None:
+        runs, n = x.shape
+        self.base, self.x, self.times = np.ascontiguousarray(base), np.array(x), np.ascontiguousarray(times)
+        self.atol, self.state = np.empty((runs, n)), np.zeros(runs, LEG)
+        self.out = np.full((runs, len(times), n), np.nan)
+        self.state["time"], self.state["step"] = begin, np.inf
 
     def walk(self, which: np.ndarray, goes_on: bool = False) -> None:
         """Make the next legs of some runs, each to where it ends.

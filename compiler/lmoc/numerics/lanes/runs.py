@@ -84,7 +84,7 @@ def _walk(own: Legs, which: np.ndarray, goes_on: bool = False) -> None:
 def _automatic(
     runs: Runs, system: EngineSystem, span: tuple[float, float], times: np.ndarray, longest: float, most: int
 ) -> Made:
-    """Return what makes runs by the rules of `auto`, as far as DOP853 makes them."""
+    """Return what makes runs by the rules of `auto`, as far as DOP853 and the first steps along a series make them."""
 
     def made(x: np.ndarray, good: np.ndarray, rtol: float, atol: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         own = Legs(system, runs.base, x, *span, times, longest, patience(system))
@@ -105,6 +105,7 @@ class _Together:
 
     def __init__(self, own: Legs, system: EngineSystem, problem: Problem) -> None:
         self.own, self.problem, self.n = own, problem, system.n
+        self.series: dict[int, Legs] = {}  # along series, by their orders
         self.asked = np.zeros(0)  # absolute tolerances of the runs as a whole
         self.jacobians: dict[int, np.ndarray] = {}  # where runs stand that are judged
         # sparse blocks keep the order of their pivots from leg to leg
@@ -127,13 +128,34 @@ class _Together:
             under_way[k] = way, legs(way)
         asked = {k: next(rule) for k, (_, rule) in under_way.items()}
         while asked:
-            asked = {k: leg for k, leg in asked.items() if leg.name == "dop853"}
+            asked = {k: leg for k, leg in asked.items() if leg.name == "dop853" or self._suits_series(leg)}
             for k, leg in asked.items():
                 self._set_out(k, under_way[k][0], leg)
-            which = np.array(list(asked), int)
-            _walk(self.own, which, self.alone and not first)
-            self._look_around(which)
+            others = [k for k, leg in asked.items() if leg.name == "dop853"]
+            _walk(self.own, np.array(others, int), self.alone and not first)
+            for order, which in self._along_series(asked).items():
+                _walk(self._of_order(order), np.array(which, int))
+            self._look_around(np.array(list(asked), int))
             asked, first = dict(self._next(asked, under_way, ended)), False
+
+    def _suits_series(self, leg: Leg) -> bool:
+        """Return whether C makes a leg along a series: the first one, at whose steps nobody looks."""
+        return leg.name == "taylor" and leg.shortest == 0.0 and not self.alone
+
+    def _along_series(self, asked: dict[int, Leg]) -> dict[int, list[int]]:
+        """Return the runs that go along series, by their orders."""
+        found: dict[int, list[int]] = {}
+        for k, leg in asked.items():
+            if leg.name == "taylor":
+                found.setdefault(taylor.order_for(float(self.own.state["rtol"][k])), []).append(k)
+        return found
+
+    def _of_order(self, order: int) -> Legs:
+        if order not in self.series:
+            p, own = self.problem, self.own
+            given = p.t, p.end, own.times, p.max_step, p.patience
+            self.series[order] = Legs(p.system, own.base, own.x, *given, order, own)
+        return self.series[order]
 
     def _set_out(self, k: int, way: Way, leg: Leg) -> None:
         own, before = self.own, way.outcome

@@ -2,12 +2,13 @@
 
 The choice follows from the model, its values and the options: never from the clock, the cache or earlier runs.
 After reduction most mechanisms are not stiff, and DOP853 is fast and accurate (BDF loses energy of undamped motion).
-So it begins. Three things are looked at on the way:
+So it begins, but in small scenes without kinks, where a Taylor series is faster from the first step on. Three things
+are looked at on the way:
 
 * After some steps it is known how many lie ahead. The errors of steps add up as long as the motion remembers them:
   what is undamped remembers them for good, so that the error of a long run is many times that of a step. The tolerance
   of the steps is made finer by as much, from the beginning on.
-* Where many steps lie ahead, a Taylor series does with fewer and cheaper ones, which pays for its compilation; from
+* Where many steps lie ahead, a Taylor series does with fewer and cheaper ones, which pays for the change; from
   then on the segments of the run begin along it.
 * DOP853 notices stiffness by itself; a stiff method, chosen by the eigenvalues of the Jacobian, goes on from there.
 
@@ -133,7 +134,7 @@ Going = Generator[Leg, None, Outcome]
 
 
 def _begin(way: Way) -> Going:
-    """Make the first steps: along a Taylor series where the run has paid for one, else with DOP853."""
+    """Make the first steps: along a Taylor series in a small scene and where it has paid for one, else with DOP853."""
     system, first, spent = way.problem.system, TRIAL, way.spent
     if is_better(system, np.inf if spent.series else spent.steps):
         spent.series = True

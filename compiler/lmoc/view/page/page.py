@@ -47,7 +47,7 @@ class Page:
             "subtitle": escape(run.flat.description),
             "missing": "".join(missing),
             "equations": equations_html(run),
-            "system": system_html(run),
+            "system": system_html(run, found.data["script"].get("rtol")),
             "style": asset(f"uplot-{UPLOT}.min.css") + asset("page.css"),
             "uplot": asset(f"uplot-{UPLOT}.min.js"),
             "uplot-version": UPLOT,
@@ -95,8 +95,13 @@ def json_text(found: Contents) -> str:
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
 
 
-def system_html(run: Result) -> str:
-    """Return what was solved and what it cost, as a table."""
+def system_html(run: Result, own: float | None) -> str:
+    """Return what was solved and what it cost, as a table.
+
+    Parameters
+    ----------
+    own : relative tolerance of the simulation in the page; None where it has none
+    """
     stats, states = run.stats, run.states
     named = ", ".join(f"<code>{escape(name)}</code>" for name in states[:12]) + (" …" if len(states) > 12 else "")
     counts = [f"{stats[key]} {key}" for key in ("steps", "evaluations") if key in stats]
@@ -107,6 +112,8 @@ def system_html(run: Result) -> str:
         "cost": escape("; ".join(filter(None, [", ".join(counts), times_text(run.timings)]))),
         "energy": escape(energy_text(run)),
     }
+    if own is not None:
+        rows["in this page"] = f"DOP853, and Radau IIA where stability limits its steps, rtol {own:g}"
     warnings = [d.message for d in run.notes if d.severity == "warning"]
     body = "".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in rows.items())
     return f"<table>{body}</table>" + "".join(f'<p class="warning">{escape(text)}.</p>' for text in warnings)
