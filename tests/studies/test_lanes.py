@@ -181,3 +181,16 @@ def test_a_small_motion_is_run_again_at_its_size():
     for row, angle in enumerate((1e-7, 1.0)):
         run = single.simulate(initial={"elbow.phi": angle}, stop=1.0, points=10)
         assert all(np.array_equal(got[name][row], run[name]) for name in got.kept)
+
+
+def test_scenes_with_laws_are_planned_once(monkeypatch):
+    """Whatever the modes and the numbers: what is kept for one run serves all."""
+    from lmoc.numerics.plan.plan import build_plan as plan
+    from lmoc.numerics.run import simulate
+
+    planned = []
+    monkeypatch.setattr(simulate, "build_plan", lambda *given: planned.append(1) or plan(*given))
+    dae = lmoc.compile(ROOT / "models/laws/h19_bouncing_ball.lmo")
+    values = {"e": np.linspace(0.5, 0.8, 6)}, {"ball.q": np.linspace(1, 2, 6)}
+    many = dae.ensemble(*values, stop=2.0, points=5, workers=1)
+    assert len(planned) == 1 and not many.failed.any() and all(many.events)

@@ -233,6 +233,19 @@ class Reduced:
     def _made_for(self) -> bytes:
         return self.values.tobytes()
 
+    def guards_hold(self, values: np.ndarray) -> np.ndarray:
+        """Return for which runs (runs,) all assumptions hold, by their parameter values (flat.count, runs)."""
+        good = np.ones(values.shape[1], bool)
+        for guard in self.guards:
+            together = getattr(guard.holds, "of_runs", None)
+            held = None if together is None else together(values)
+            if held is None:
+                rows = np.flatnonzero(good)
+                good[rows] = [guard.holds(np.ascontiguousarray(values[:, k])) for k in rows.tolist()]
+            else:
+                good &= held
+        return good
+
     def broken_guard(self, values: np.ndarray) -> str | None:
         """The first assumption that does not hold for another parameter set, None where all hold.
 

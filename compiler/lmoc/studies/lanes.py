@@ -64,8 +64,8 @@ def _of_one_plan(job: Job, rows: list[int]) -> dict[int, Series]:
         if isinstance(signals.get(variable), Constant)
     }
     runs = Runs(plan, signals, numbers, values, bases(plan, values, signals, numbers))
-    own = np.ascontiguousarray(values[: len(session.values)].T)
-    good = sound(runs) & np.array([reduced.broken_guard(value) is None for value in own])
+    good = sound(runs)
+    good[good] = reduced.guards_hold(values[:, good])
     if not good.any():
         return {}
     runs, rows, initial = _chosen(runs, rows, initial, good)

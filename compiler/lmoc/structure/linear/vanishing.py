@@ -55,6 +55,17 @@ class Vanishing:
     def __call__(self, values: np.ndarray) -> bool:
         return not self.changed(values).any()
 
+    def of_runs(self, values: np.ndarray) -> np.ndarray | None:
+        """Return what this says of values (variables, runs); None where runs have to be asked for one by one."""
+        beyond = self.slots.size > 0 and int(self.slots.max()) >= self.derived.base
+        if beyond or _rounds(self.expr):
+            return None
+        found = np.asarray(evaluate(self.expr, lambda k, _: values[self.slots[:, k]]), float)
+        if np.isnan(found).any():
+            return None
+        changed = np.equal(found, 0.0) != self.zero[:, None]
+        return ~np.broadcast_to(changed.any(axis=0), values.shape[1:])
+
     def changed(self, values: np.ndarray) -> np.ndarray:
         """The rows that come out otherwise for other parameter values; one bool a row."""
         beyond = self.slots.size > 0 and int(self.slots.max()) >= self.derived.base
