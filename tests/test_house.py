@@ -53,8 +53,9 @@ INSIDE = {
         "equations", "algorithms", "flatten",
     ),
     "numerics": (
-        "limits", "options", "solve", "signals", "plan", "problem", "dop853", "sundials", "evaluate", "observe", "laws",
-        "steps", "coordinates", "failures", "formulations", "events", "task", "start", "run", "lanes",
+        "limits", "options", "solve", "signals", "plan", "problem", "dop853", "sundials", "evaluate", "observe",
+        "monitors", "laws", "steps", "coordinates", "failures", "formulations", "events", "task", "start",
+        "run", "lanes",
     ),
     "view": ("javascript", "scene", "page", "bodies", "drawing"),
 }  # fmt: skip

@@ -22,6 +22,7 @@ from lmoc.numerics.events.event_handler import EventHandler, Starter
 from lmoc.numerics.events.stepping import Stepping
 from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
+from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Outcome, Roots, joined
@@ -194,6 +195,14 @@ class HybridDynamics:
     def longest_step(self) -> float:
         """s, so that nothing that depends on time is stepped over."""
         return np.inf if self.handler is None else self.handler.longest_step
+
+    @property
+    def ended(self) -> None:
+        """What ends the run here is raised: `Stopped`."""
+
+    def watch(self, observer: Observer, t: float, x: np.ndarray) -> Roots | None:
+        """Return what ends the segment that begins at a place; all that it reads is in the modes and values here."""
+        return self.roots(t, x)
 
     def roots(self, t: float, x: np.ndarray) -> Roots | None:
         """Return what ends the segment that begins at a place."""

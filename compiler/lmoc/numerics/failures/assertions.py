@@ -8,7 +8,7 @@ known to the last digits. One of level error ends the run there; of the others t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import field
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from lmoc.ir.flat import Check, FlatDAE
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.following import Following
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.problem.base import Outcome, Roots, joined
+from lmoc.numerics.problem.base import Roots
 from lmoc.numerics.problem.status import Status
 from lmoc.support.records import dataclass
 
@@ -91,21 +91,28 @@ class Assertions:
         self._variables = np.unique(np.concatenate([*(t.ravel() for t in tables), np.zeros(0, int)])).astype(int)
         self._watched = [_watched(c, np.searchsorted(self._variables, c.slots)) for c in own]
         self._values: Values | None = None
-        self._others = 0  # number of the root functions of events and laws
 
     def __bool__(self) -> bool:
         return bool(self._watched)
 
-    def begin(self, observer: Observer, t: float, x: Array) -> bool:
-        """Look at the beginning of a segment; return whether the run goes on."""
+    @property
+    def until(self) -> float:
+        return np.inf
+
+    @property
+    def longest_step(self) -> float:
+        return np.inf
+
+    @property
+    def ended(self) -> Status | None:
+        """ASSERTION where one of level error does not hold."""
+        return None if self.failed is None else Status.ASSERTION
+
+    def watch(self, observer: Observer, t: float, x: Array) -> Roots:
+        """Look at the beginning of a segment; return the functions of the relations, which only ask to look again."""
         follow = observer.is_implicit(self._variables)
         self._values = Following(observer, self._variables) if follow else observer.prepare(self._variables)
         self._look(t, x)
-        return self.failed is None
-
-    def beside(self, roots: Roots | None) -> Roots:
-        """Return root functions with those of the relations behind the others."""
-        self._others = 0 if roots is None else len(roots.signs)
         count = sum(len(w.relations) * len(w.place) for w in self._watched)
 
         def values(times: Array, states: Array) -> Array:
@@ -113,18 +120,10 @@ class Assertions:
             return np.concatenate([f for w in self._watched for f in w.functions(seen, times)], axis=1)
 
         def reached(t: float, x: Array, which: Array, signs: Array) -> bool:
-            if which[self._others :].any():
-                self._look(t, x)
-            return bool(which[: self._others].any()) or self.failed is not None
+            self._look(t, x)
+            return self.failed is not None
 
-        own = Roots(values, np.zeros(count))
-        return replace(own if roots is None else joined([roots, own]), reached=reached)
-
-    def after(self, outcome: Outcome) -> Outcome:
-        """Return the outcome of a segment as it were without the relations, or that an assertion has ended the run."""
-        if self.failed is not None:
-            return replace(outcome, status=Status.ASSERTION, roots=None)
-        return outcome if outcome.roots is None else replace(outcome, roots=outcome.roots[: self._others])
+        return Roots(values, np.zeros(count), reached)
 
     def _look(self, t: float, x: Array) -> None:
         values = self._values(np.array([t]), x[None])

@@ -159,7 +159,7 @@ class Roots:
 
 
 def joined(found: Sequence[Roots]) -> Roots:
-    """Return root functions one behind the other."""
+    """Return root functions one behind the other: each of them is told of its own roots."""
     if len(found) == 1:
         return found[0]
     ends = np.cumsum([len(one.signs) for one in found])[:-1]
@@ -171,7 +171,11 @@ def joined(found: Sequence[Roots]) -> Roots:
         parts = zip(found, np.split(heights, ends), strict=True)
         return np.concatenate([one.quiet(t, x, own) for one, own in parts])
 
-    return Roots(values, np.concatenate([one.signs for one in found]), quiet=quiet)
+    def reached(t: float, x: np.ndarray, which: np.ndarray, signs: np.ndarray) -> bool:
+        parts = zip(found, np.split(which, ends), np.split(signs, ends), strict=True)
+        return any([one.reached(t, x, own, now) for one, own, now in parts if own.any()])  # each is told
+
+    return Roots(values, np.concatenate([one.signs for one in found]), reached, quiet=quiet)
 
 
 @dataclass

@@ -23,6 +23,7 @@ from lmoc.numerics.coordinates.change import (
 )
 from lmoc.numerics.failures.checks import run_checks
 from lmoc.numerics.failures.flood import Flood
+from lmoc.numerics.monitors.monitor import Monitors
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.recorder import kept_variables
@@ -107,7 +108,8 @@ class _Run:
         self.flood: Flood | None = None  # with events or laws
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
         self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
-        self.assertions: Assertions | None = None  # as they are watched; None where none are
+        self.monitors = Monitors()
+        self.assertions: Assertions | None = None  # among the monitors; None where none are watched
 
     def go(self, initial: Mapping[str, float] | End | RunState) -> Trajectory:
         x = self._start(initial)
@@ -208,6 +210,8 @@ class _Run:
             from lmoc.numerics.failures.assertions import Assertions
 
             self.assertions = Assertions(observer.flat) or None
+            if self.assertions is not None:
+                self.monitors.add(self.assertions)
         return x
 
     # ------------------------------------------------------------------ events
@@ -219,6 +223,7 @@ class _Run:
         task, segment = self.task, self.segment
         span = task.span.start, task.span.end
         self.dynamics = HybridDynamics(segment.plan, task.values, segment.base, task.signals, span, self.report)
+        self.monitors.add(self.dynamics)
         self.changes.happens = self.dynamics.happen_on
         self.flood = Flood(task.span.end, self.dynamics.places, self.report, task.progress)
 
@@ -248,8 +253,9 @@ class _Run:
     def _after(self, outcome: Outcome) -> np.ndarray | None:
         """Return the state after what has ended a segment, and begin the next one; None at the end of the run."""
         segment, time = self.segment, self.dynamics.instant(outcome)
-        if time != outcome.time:
-            outcome = replace(outcome, time=time)
+        which = self.monitors.own(self.dynamics, outcome.roots)
+        if time != outcome.time or which is not outcome.roots:
+            outcome = replace(outcome, time=time, roots=which)
         try:
             self._stand_at(outcome)
             outcome = self.dynamics.together(outcome, segment.system)
@@ -285,13 +291,10 @@ class _Run:
         task, now = self.task, self.dynamics
         if task.options.solver == MOREAU:
             return self._march(x, begin)
-        end = task.span.end if now is None else now.until
-        roots = None if now is None else now.roots(begin, x)
-        watched = self.assertions
-        if watched is not None:
-            if not watched.begin(self.segment.observer, begin, x):
-                return Outcome(begin, x, 0, Status.ASSERTION)
-            roots = watched.beside(roots)
+        watched = self.monitors
+        end, roots = watched.until(task.span.end), watched.watch(self.segment.observer, begin, x)
+        if watched.ended is not None:
+            return Outcome(begin, x, 0, watched.ended)
         bounds = Bounds(begin, end, self.longest, roots, continuation=continuation)
         outcome = self.solver.at_once(self.segment, x, bounds)
         if outcome is not None:
@@ -301,13 +304,11 @@ class _Run:
             return Outcome(begin, x, 0, status)
         self._watch_loops(begin, x)
         if now is not None:
-            bounds = replace(bounds, longest=min(self.longest, now.longest_step), kept=now.kept)
+            bounds = replace(bounds, longest=min(self.longest, watched.longest_step), kept=now.kept)
         # what follows from the states is known less well than they are, where one choice after the other divides by it
         if self.segments and (self.segment.watch is not None or self._went_over):
             bounds = replace(bounds, finer=_FINER)
-        outcome = self.solver(self.segment, x, bounds)
-        if watched is not None:
-            outcome = watched.after(outcome)
+        outcome = watched.after(self.solver(self.segment, x, bounds))
         if self.segment.loops is not None and outcome.status.failed:
             self.lost = self.segment.loops.why(outcome.status)
             if outcome.status is Status.SINGULAR and self._went_over:
