@@ -55,6 +55,7 @@ docs: $(VENV)/.installed
 	@$(BIN)/lmoc run $(DEMO) --quiet --plot docs/suspension.png
 	@$(BIN)/python docs/make_pictures.py
 	@$(BIN)/python docs/make_notes.py
+	@$(BIN)/python docs/make_gallery.py
 
 charts: $(VENV)/.installed-test
 	@nice $(BIN)/python docs/make_charts.py $(ONLY)
