@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lmoc.symbolic.places import Point
     from lmoc.view.drawing import Drawing
     from lmoc.view.page.page import Page
+    from lmoc.view.widget import Widget
 
 
 class DAE(CompiledDAE):
@@ -314,6 +315,32 @@ class DAE(CompiledDAE):
             As those of `simulate`; E0623, E0624: the page cannot be written.
         """
         return (self.simulate() if run is None else run).view(path)
+
+    def widget(self, **options: Any) -> Widget:
+        """Return the page of a scene as a widget for notebooks (``pip install 'lmoc[notebook]'``).
+
+        Its ``values`` and ``initial`` are those of the sliders, and can be set; its ``run`` is the run with them.
+
+        Parameters
+        ----------
+        options : as of `simulate`; parameters and start values given here stay, where no slider gives others
+
+        Raises
+        ------
+        ModelError, SimulationError
+            As those of `simulate`.
+        """
+        from lmoc.view.widget import Widget
+
+        def again(values: Mapping[str, float], initial: Mapping[str, float]) -> Run:
+            given = {
+                "parameters": {**(options.get("parameters") or {}), **values},
+                "initial": {**(options.get("initial") or {}), **initial},
+            }
+            return self.simulate(**{**options, **given})
+
+        run = self.simulate(**options)
+        return Widget(run.view().html, run, again)
 
     # ------------------------------------------------------------------- other tools
 

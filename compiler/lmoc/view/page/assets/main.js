@@ -7,6 +7,7 @@ import { Chooser, format, Sliders, Starts } from "./controls.js";
 import { $ } from "./dom.js";
 import { Engine, revived } from "./engine.js";
 import { eventText, modesText, showEvents } from "./events.js";
+import { listenToFrame, tellFrame } from "./frame.js";
 import { listenToHand } from "./hand.js";
 import { ModeMotion } from "./modes.js";
 import { Motion, movers } from "./motion.js";
@@ -81,6 +82,10 @@ class Page {
     $("parameters").hidden = false;
     for (const { item, group } of this.stage?.parts ?? []) group.classList.toggle("takes", canBeTaken(item));
     await this.putRuns(state);
+    listenToFrame(({ values, initial }) => {
+      this.init = initial;
+      this.sliders.setAll(values);
+    });
   }
 
   makePicture() {
@@ -208,6 +213,7 @@ class Page {
     this.starts.put(this.init, this.answer);
     this.draw();
     this.remember();
+    tellFrame({ ...this.sliders?.values }, this.init);
   }
 
   /** Begin with other states. */
