@@ -28,6 +28,7 @@ from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Signal, sample
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.numerics.solve.rounding import Rounding
 from lmoc.structure.laws.switched import POSITION
 from lmoc.support.records import dataclass
 
@@ -150,6 +151,12 @@ class FreeDynamics:
         those of gaps and rates by the states.
         """
         return _ByEngine(self, base, signals) if self.is_explicit else Interpreted(self, base, signals)
+
+    @cached_property
+    def level_rounding(self) -> Rounding:
+        """The rounding of the levels that are computed, in the order of the laws."""
+        levels = self.quantities.registers[2]
+        return Rounding(self.program, levels[levels >= 0], self.plan.count)
 
     @cached_property
     def functions(self) -> FreeFunctions | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +18,8 @@ from lmoc.support.records import dataclass
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+_NOISES = 4.0  # times the bound for its rounding, within which a level is zero
+_SMALL = 1e-12  # of its terms: levels that may be rounding alone
 KINDS = tuple(LawKind)
 
 
@@ -107,6 +110,7 @@ class ContactKinematics:
     Attributes
     ----------
     errors : (states,) what the integrator allows itself in a step
+    noise : (n,) bounds of what levels are by rounding alone, where that has been looked at; 0 before
 
     Parameters
     ----------
@@ -127,8 +131,11 @@ class ContactKinematics:
         self.scene = free_dynamics(plan, signals)
         self.stored = self.scene.has_stored
         self.errors: Array | float = 0.0
+        self.noise = np.zeros(form.count)
+        self._noisy: tuple[float, Array] | None = None  # where that has been found
         self._present = self.scene.quantities.registers >= 0
-        self._evaluate = self.scene.bind(self.scene.base(base, signals), signals)
+        self._open_base = self.scene.base(base, signals)
+        self._evaluate = self.scene.bind(self._open_base, signals)
         self._last: Instant | None = None
         self._forms: Array | None = None
 
@@ -157,6 +164,34 @@ class ContactKinematics:
         own = linear & of_velocities & (rest.rate == 0.0) & (self.table.degree == POSITION)
         forms[own] = rest.slope[1][own]
         return forms
+
+    def without_rounding(self, now: Instant, which: Mask) -> Instant:
+        """Return an instant in which levels of these laws that are rounding alone are zero.
+
+        Two bodies that fly side by side under the same gravity have no relative acceleration, but the quotient of a
+        weight and its mass is not always that gravity to the last digit.
+        """
+        which = which & (self.scene.quantities.registers[2] >= 0)
+        if which.any() and self._noisy is None:
+            self._find_noise(now)
+        small = which & (np.abs(now.bias) <= np.fmax(_SMALL / 2.0**-53 * self.noise, self.noise))
+        if small.any() and (self._noisy[0] != now.t or (self._noisy[1] != now.x).any()):
+            self._find_noise(now)
+        zero = small & (np.abs(now.bias) <= self.noise)
+        return replace(now, bias=np.where(zero, 0.0, now.bias)) if zero.any() else now
+
+    def _find_noise(self, now: Instant) -> None:
+        """Bound the rounding of the levels at an instant."""
+        scene, places = self.scene, self.scene.quantities.registers[2]
+        w = self._open_base.copy()
+        w[scene.plan.states] = now.x
+        for register, (variable, order) in zip(scene.plan.sampled.tolist(), scene.plan.samplers, strict=True):
+            signal = self.signals.get(variable)
+            w[register] = 0.0 if signal is None or register in scene.push else signal.value(now.t, order)
+        w[scene.push] = 0.0
+        found = np.zeros(len(places))
+        found[places >= 0] = scene.level_rounding(w, now.t)
+        self.noise, self._noisy = _NOISES * np.nan_to_num(found, nan=0.0, posinf=0.0), (now.t, now.x)
 
     def at(self, t: float, x: Array) -> Instant:
         """Return the laws' quantities at a time and state."""

@@ -129,16 +129,20 @@ class LawSwitching:
         seems to close at once. Where nothing happens at such a root, the next one has to be farther from zero.
         """
         now, table = self.now, self.kinematics.table
+        rounding = np.zeros(len(self.idle))  # of the forces of what is closed without a load
         with np.errstate(invalid="ignore", divide="ignore"):
             leaves = table.unilateral & ~self.mode.closed & (now.rate > STILL * now.rate_scale)
             motion = np.where(table.unilateral, now.gap_scale, now.rate_scale)
             if self.mode.closed.any():
                 held = np.abs(now.bias / now.delassus.diagonal()) + np.nan_to_num(now.stick)
+                unloaded = self.mode.closed & (np.abs(now.bias) <= self.kinematics.noise)
+                rounding = np.where(unloaded, self.kinematics.noise / now.delassus.diagonal(), 0.0)
+                rounding = np.nan_to_num(rounding, posinf=0.0)
                 motion = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
         coarser = COARSER ** np.minimum(self.idle, COARSEST)
         concerned = self.mode.closed | self.touched | (self.idle > 0)
-        share = np.where(leaves & (self.idle == 0), LEAVING, APART * coarser) * motion
-        near = NEAR * coarser * motion
+        share = np.maximum(np.where(leaves & (self.idle == 0), LEAVING, APART * coarser) * motion, rounding)
+        near = np.maximum(NEAR * coarser * motion, rounding)
         driven = self.kinematics.scene.curved[0] & self.touched & ~self.mode.closed
         if driven.any():
             near = np.where(driven, np.maximum(near, drift(self.kinematics, now.slope[0])), near)

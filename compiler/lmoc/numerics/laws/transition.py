@@ -143,6 +143,7 @@ def transition(
     relaxed = relax(kinematics, now, mode, trigger.opening, trigger.direction)
     now = relaxed.now
     candidate = _candidates(table, now, touching, least)
+    now = kinematics.without_rounding(now, candidate & table.unilateral)
     settled = _settled(table, now, mode, candidate, trigger)
     closed = settled.mode.closed
     now = project(kinematics, now, closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2))
