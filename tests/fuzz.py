@@ -43,6 +43,7 @@ _VERBS = {  # what is done with a model, and how often
     ("fit", "--data", "measured.csv", "--free", "{parameter}", "--outputs", "x={variable}"): 1,
     ("export", "-o", "case.fmu"): 1,
 }
+_GOES_ON = "W0556", "W0563"  # a run that says how much is ahead may go on
 _MEASURED = "time,x\n0,0\n0.1,0.01\n0.2,0.05\n0.4,0.1\n"
 _TOKEN = re.compile(
     r'"(?:[^"\\]|\\.)*"|//[^\n]*|[A-Za-z_]\w*|\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|\s+|:=|<=|>=|==|<>|.', re.S
@@ -275,6 +276,8 @@ def attempt(case: int, text: str, verb: tuple[str, ...], folder: Path) -> Findin
         kind = "memory"
     elif seconds > SECONDS:
         kind = "slow"
+    if kind == "slow" and any(f"warning[{code}]" in text for code in _GOES_ON):
+        kind = ""
     return Finding(case, kind, " ".join(verb), seconds, megabytes, text[-3000:]) if kind else None
 
 
