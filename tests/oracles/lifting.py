@@ -214,7 +214,7 @@ def _text(way: str, inputs: str, hand: str, lift: Lift, first: float) -> str:
 def _in_the_plane(inputs: str, hand: str, lift: Lift, first: float) -> str:
     """Return a scene in the plane: a particle on a cable below its other end, above a line that it meets."""
     return f"""model Lifted {inputs} import Planar.*; inner World world(g = {lift.gravity!r});
-      Motion hand(x = 0.3, y = 3 - ({hand})); Cable rope(L = 3);
+      Motion hand(x = 0.3, y = 20 - ({hand})); Cable rope(L = 20);
       Contact ground(d = {-lift.floor!r}, e = {lift.bounce!r});
       PointMass load(m = 3, x(start = 0.3, fixed = true), y(start = {-first!r}, fixed = true),
         vx(start = 0, fixed = true), vy(start = 0, fixed = true));
