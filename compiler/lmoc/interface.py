@@ -284,7 +284,7 @@ class DAE(CompiledDAE):
         run, time : for free-body diagrams with numbers, their arrows to scale: at the output time nearest to `time`
             (s), by default the last
         dimensions : with the lengths of bars, rods, links and lever arms
-        frames : draw so many instants of `run` beside each other, the first and the last among them
+        frames : draw so many instants of `run` beside each other, the first and the last among them; at most 500
 
         Raises
         ------

@@ -297,3 +297,12 @@ def test_a_target_names_the_platform(monkeypatch) -> None:
     assert (find_compiler().folder(3), find_compiler().folder(2)) == ("x86_64-windows", "win64")
     monkeypatch.setenv("LMOC_CC", "true -target aarch64-macos")
     assert find_compiler().folder(3) == "aarch64-darwin"
+
+
+def test_a_type_that_is_asked_for_twice_is_there_once(tmp_path):
+    """XML with two elements of one type would not be valid."""
+    made = lmoc.compile_text("model M Real x(start = 1, fixed = true); equation der(x) = -x; end M;").export(
+        tmp_path / "m.fmu", type=("cs", "cs")
+    )
+    with zipfile.ZipFile(made.path) as archive:
+        assert archive.read("modelDescription.xml").decode().count("<CoSimulation") == 1

@@ -220,3 +220,24 @@ def test_pictures_of_profiles(dae, tmp_path):
     assert len(found.plot(tmp_path / "profile.png", kind="profile").axes) == 2 and (tmp_path / "profile.png").exists()
     with pytest.raises(ModelError, match="E0668"):
         dae.fit({"time": TIMES, "x": truth()}, {"k": 35}).plot(kind="profile")
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({"time": [0.0, 1.0, 2.0], "x": [1e308, -1e308, 1e308]}, "too large to be squared"),
+        ({"time": [0.0, 1.0], "x": [np.nan, np.nan]}, "has no numbers"),
+        ({"time": [1.0], "x": [0.5]}, "too few to determine k and the deviation"),
+        ({"time": [0.0, 1.0], "y": [0.5, 0.4]}, "none of the columns"),
+    ],
+)
+def test_data_that_no_fit_can_use_are_refused(dae, data, said):
+    with pytest.raises(ModelError, match=said) as found:
+        dae.fit(data, {"k": 30})
+    assert [d.code for d in found.value.diagnostics] == ["E0668"]
+
+
+def test_an_empty_file_is_no_table(dae, tmp_path):
+    (tmp_path / "empty.csv").write_text("")
+    with pytest.raises(ModelError, match="no table with a column 'time'"):
+        dae.fit(tmp_path / "empty.csv", {"k": 30})

@@ -68,7 +68,9 @@ def test_a_strip_has_the_instants_asked_for(tmp_path):
     assert [t for t in texts(picture) if t.startswith("t = ")] == [f"t = {run.time[k]:.4g} s" for k in (0, 4, 8)]
 
 
-BESIDE_EACH_OTHER = (["--frames", "0"], ["--free-body", "--frames", "3"], ["--free-body", "--dimensions"])
+BESIDE_EACH_OTHER = (
+    ["--frames", "0"], ["--frames", "100000"], ["--free-body", "--frames", "3"], ["--free-body", "--dimensions"],
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("options", BESIDE_EACH_OTHER)

@@ -57,6 +57,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace, films: bool) -> None:
     """Refuse options that do not belong together."""
+    from lmoc.view.scene.moving import MOST
+
     wrong, hint = "", ""
     if arguments.at is not None and not arguments.free_body:
         wrong, hint = "--at is for free-body diagrams", "--free-body --at 0.6"
@@ -64,8 +66,8 @@ def _check(arguments: argparse.Namespace, films: bool) -> None:
         wrong = "--frames, --gif, --mp4 and --dimensions are for the picture of the scene, not for free-body diagrams"
     elif arguments.output is None and not films:
         wrong, hint = "where should the picture be written?", "-o scene.svg"
-    elif arguments.frames is not None and (arguments.frames < 1 or arguments.output is None):
-        wrong, hint = "--frames wants a number of one or more, and a picture", "--frames 8 -o strip.svg"
+    elif arguments.frames is not None and (not 1 <= arguments.frames <= MOST or arguments.output is None):
+        wrong, hint = f"--frames wants a number of 1 to {MOST}, and a picture", "--frames 8 -o strip.svg"
     if wrong:
         raise UsageError([Diagnostic("E0620", wrong, hint=hint or None)])
 

@@ -23,7 +23,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
     if arguments.output is None:
         raise UsageError([Diagnostic("E0620", "where should the FMU be written?", hint="-o scene.fmu")])
-    types = tuple(t.strip() for t in arguments.type.split(",") if t.strip())
+    types = tuple(dict.fromkeys(t.strip() for t in arguments.type.split(",") if t.strip()))
     with Progress(not arguments.quiet) as progress:
         made = compiled(arguments, progress).export(arguments.output, arguments.fmi, types)
     if not arguments.quiet:

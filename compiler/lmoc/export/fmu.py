@@ -92,7 +92,7 @@ def export(
     ModelError
         E0669: the scene cannot be exported, E0620: an argument is wrong, E0623: it cannot be written.
     """
-    path, types = Path(path), (type,) if isinstance(type, str) else tuple(type)
+    path, types = Path(path), (type,) if isinstance(type, str) else tuple(dict.fromkeys(type))
     _check(path, fmi, types)
     own = executable(dae)
     data, token = c_data(own, _TOLERANCE)

@@ -249,7 +249,8 @@ def fit(
     scales = _scales(experiments, sigma)
     misses = _Misses(simulate, experiments, unknowns, scales)
     if misses.size < len(unknowns) + (sigma is None):
-        raise refusal(f"{misses.size} numbers were measured, which do not determine {len(unknowns)} unknowns")
+        also = "" if sigma is not None else " and the deviation of the data"
+        raise refusal(f"numbers measured: {misses.size}, too few to determine {', '.join(misses.names)}{also}")
     begin = np.array([u.start for u in unknowns])
     misses.of(misses.runs(begin))  # what is wrong there is told
     named = _profiled(unknowns, profile)

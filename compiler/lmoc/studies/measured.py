@@ -17,6 +17,7 @@ from lmoc.numerics.signals.table_files import read_table
 from lmoc.support.records import dataclass
 
 _CODE = "E0668"
+LARGEST = 1e150  # of a measured number: beyond it, squares are no numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,8 @@ def _experiment(data: Any, outputs: Mapping[str, str] | None, flat: FlatDAE, uni
     for column, (time, values, _) in found.items():
         if not len(time) or not (np.isfinite(time).all() and np.isfinite(values).all()):
             raise refusal(f"column '{column}' has no numbers, or some that are not finite")
+        if np.abs(values).max() > LARGEST:
+            raise refusal(f"column '{column}' has numbers too large to be squared: {np.abs(values).max():g}")
     return Experiment(found, dict(settings))
 
 
@@ -136,6 +139,8 @@ def _by_name(columns: object, flat: FlatDAE) -> dict[str, str]:
     found = {name: name for name in columns if flat.find(name) is not None}  # type: ignore[attr-defined]
     if not found:
         names = ", ".join(f"'{name}'" for name in columns)  # type: ignore[attr-defined]
+        if not names:
+            raise refusal("there is no table with a column 'time' and columns of measured variables")
         hint = "outputs={'column': 'variable'}, on the command line --outputs column=variable"
         raise refusal(f"none of the columns {names} is called as a variable of '{flat.name}'", hint)
     return found

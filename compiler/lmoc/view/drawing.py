@@ -107,8 +107,8 @@ def draw(
     picture = picture_of(prepared.flat, prepared.values, start, dimensions)
     if frames is None or run is None:
         return Drawing(picture)
-    from lmoc.view.scene.moving import strip
+    from lmoc.view.scene.moving import MOST, strip
 
-    if frames < 1:
-        raise ValueError(f"a strip has one frame or more, not {frames}")
+    if not 1 <= frames <= MOST:
+        raise ValueError(f"a strip has 1 to {MOST} frames, not {frames}")
     return Drawing(strip(picture, run, frames))

@@ -19,6 +19,7 @@ GAP = 26.0  # px between two frames
 MARGIN = 12.0
 LABEL = 24.0  # px below a frame, for its instant
 RATIO = 1.4  # width to height of a strip, as near as whole rows allow
+MOST = 500  # frames of a strip
 RATE = 12.5  # frames a second
 SHORTEST, LONGEST = 2.0, 12.0  # s that a film takes
 ONCE = ("label", "coordinate", "gravity", "dimension")  # in the first frame of a strip only
