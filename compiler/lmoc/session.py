@@ -287,6 +287,11 @@ class Session:
 
     # ------------------------------------------------------------------ runs
 
+    @property
+    def busy(self) -> Lock:
+        """Held by whoever works with simulators: they have one set of buffers."""
+        return self._busy
+
     def simulator(self, reduced: Reduced) -> Simulator:
         """Return the simulator of one of the reductions."""
         from lmoc.numerics.run.simulate import Simulator

@@ -141,3 +141,22 @@ def test_runs_without_them_say_how_to_get_them(dae):
     with pytest.raises(KeyError, match="asked for by k"):
         run.sensitivity("x", "m")
     assert run.sensitivity("x", "k").shape == (3,)
+
+
+def test_changes_of_coordinates():
+    """A Cartesian pendulum changes from x to y and back; it swings as one in its angle does."""
+    file = ROOT / "models/planar/pendulum_cartesian.lmo"
+    dae, names = lmoc.compile(file), ("g", "L")
+    run = dae.simulate(stop=3, points=31, rtol=1e-9, sensitivities=names)
+    assert len(run.trajectory.segments) > 3
+    for name in names:
+        value = float(dae.parameters[name])
+        low, high = (
+            dae.simulate(stop=3, points=31, rtol=1e-12, parameters={name: value * (1 + h)}) for h in (-1e-5, 1e-5)
+        )
+        for variable in ("x", "y", "vx", "lambda"):
+            slope = (high[variable] - low[variable]) / (2e-5 * value)
+            assert np.abs(run.sensitivity(variable, name) - slope).max() < 1e-6 * np.abs(slope).max()
+    # with x = L sin(a), a'' = -g/L sin(a): of another g there is the same swing in another time
+    exact = run["vx"] * run.time / (2 * 9.81)
+    assert np.abs(run.sensitivity("x", "g") - exact).max() < 1e-6

@@ -27,7 +27,8 @@ def rows_in_lanes(job: Job, rows: Sequence[int]) -> dict[int, Series]:
     found: dict[int, Series] = {}
     for part in _alike(job, rows):
         try:
-            found |= _of_one_plan(job, part)
+            with job.session.busy:
+                found |= _of_one_plan(job, part)
         except (NotInLanes, ModelError):  # what is wrong is told by `simulate`
             continue
     return found

@@ -55,10 +55,10 @@ NUMERICS: dict[str, Entry] = {
     ),
     "E0575": Entry(
         "sensitivities are not available",
-        "Derivatives of a motion by parameters and start values are integrated along it, in one choice of\n"
-        "coordinates, and lead over events: impacts, laws that change their mode, `when`. A motion has none where it\n"
-        "grazes a stop, where a mode is on its edge, or where impacts accumulate: values a little other lead to other\n"
-        "events.",
+        "Derivatives of a motion by parameters and start values are integrated along it, from one choice of\n"
+        "coordinates to the next, and over events: impacts, laws that change their mode, `when`. There are none where\n"
+        "it grazes a stop, where a mode is on its edge, or where impacts accumulate: values a little other lead to\n"
+        "other events.",
     ),
     "E0529": Entry(
         "bars that cannot be put together",

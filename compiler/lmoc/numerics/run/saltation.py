@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from lmoc.messages.diagnostics import ModelError, SimulationError
+from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End, SegmentRecord, Trajectory
 from lmoc.numerics.run.sensitivities import (
     STEP,
@@ -23,7 +24,9 @@ from lmoc.numerics.run.sensitivities import (
     Sweep,
     Tangent,
     agree,
+    base_derivatives,
     check_motion,
+    difference,
     refused,
     shifted,
     sizes_of,
@@ -62,18 +65,53 @@ def with_events(
     check_motion(trajectory)
     segments = _lasting(trajectory)
     _check_sequence(trajectory, directions, wholes)
-    sizes, rtol, at, parts = sizes_of(segments), float(trajectory.stats["rtol"]), first, []
+    rtol, at, parts = float(trajectory.stats["rtol"]), first, []
     for k, segment in enumerate(segments):
+        sizes = sizes_of([s for s in segments if s.coordinates == segment.coordinates])
         sweep = Sweep(segment.observer, directions, at.base, sizes, rtol, explicit)
-        event = _Event(segments, k, trajectory, directions, sizes, flow) if k + 1 < len(segments) else None
-        times = segment.time if event is None else np.append(segment.time, event.time - event.aside)
+        following = segments[k + 1] if k + 1 < len(segments) else None
+        event = None
+        if following is not None and following.reduced is segment.reduced:
+            event = _Event(segments, k, trajectory, directions, sizes, flow)
+        until = [] if following is None else [following.begin if event is None else event.time - event.aside]
+        times = np.append(segment.time, until)
         states, tangents = _both_ways(sweep, at, times)
         count = len(segment.time)
         agree(states[:count], segment.table, sizes, 10 * sweep.rtol)
-        parts.append(Part(segment, tangents[:, :count], at.base))
-        if event is not None:
-            at = event.over(Tangent(float(times[-1]), states[-1], tangents[:, -1], at.base))
-    return Sensitivities(directions, parts, sizes)
+        parts.append(Part(segment, tangents[:, :count], at.base, sizes))
+        if following is not None:
+            last = Tangent(float(times[-1]), states[-1], tangents[:, -1], at.base)
+            at = event.over(last) if event is not None else _in_other_coordinates(segment, following, last, directions)
+    return Sensitivities(directions, parts)
+
+
+def _in_other_coordinates(
+    segment: SegmentRecord, following: SegmentRecord, at: Tangent, directions: Sequence[Direction]
+) -> Tangent:
+    """Return the same place with its derivatives in the coordinates that follow: these are functions of the others."""
+    plan, sizes = following.observer.plan, sizes_of([segment])
+    table, places = plan.reduced.registers, np.array([at.time])
+    jets = list(zip(table.variable[plan.states].tolist(), table.order[plan.states].tolist(), strict=True))
+
+    def states(observer: Observer, x: np.ndarray) -> np.ndarray:
+        reduced = observer.plan.reduced
+        registers = [observer.derivative(v, n) if n else int(reduced.register_of[v]) for v, n in jets]
+        if min(registers) < 0:
+            raise refused(f"the coordinates change at t = {at.time:.6g} s to some that are no variables")
+        return np.array([observer.register(r, places, x[None])[0] for r in registers])
+
+    def derivative(which: int, direction: Direction) -> np.ndarray:
+        moved = np.max(np.abs(at.by[which]) / sizes, initial=0.0)
+        step = STEP * min(direction.size, 1.0 / moved if moved > 0 else np.inf)
+
+        def changed(change: float) -> np.ndarray:
+            own = shifted(segment.observer, direction, change, at.base[which])
+            return states(own, at.x + change * at.by[which])
+
+        return difference(changed, step)
+
+    by = np.stack([derivative(k, direction) for k, direction in enumerate(directions)])
+    return Tangent(at.time, states(segment.observer, at.x), by, base_derivatives(following.observer, directions))
 
 
 def _check_sequence(

@@ -113,8 +113,9 @@ def check_motion(trajectory: Trajectory) -> None:
     """
     first = trajectory.segments[0]
     plan = first.observer.plan
-    if any(p.reduced is not first.reduced for p in trajectory.segments):
-        raise refused("the coordinates change on the way")
+    lawful = plan.reduced.switched is not None or trajectory.flat.events is not None
+    if lawful and any(s.reduced is not first.reduced for s in trajectory.segments):
+        raise refused("the coordinates change on the way, in a scene with laws or events")
     if plan.reduced.in_all_coordinates:
         raise refused("the loops are integrated in all their coordinates", "formulation='reduced'")
     if trajectory.kept is not None:
@@ -133,11 +134,13 @@ class Part:
     ----------
     tangents : (m, times, n) derivatives of the states at the output times of the segment
     base : as in `Tangent`
+    sizes : (n,) of its states
     """
 
     segment: SegmentRecord
     tangents: np.ndarray
     base: np.ndarray
+    sizes: np.ndarray
 
 
 class Sensitivities:
@@ -149,13 +152,8 @@ class Sensitivities:
     parts : of its segments
     """
 
-    def __init__(self, directions: Sequence[Direction], parts: Sequence[Part], sizes: np.ndarray) -> None:
-        """
-        Parameters
-        ----------
-        sizes : (n,) of the states
-        """
-        self.directions, self.parts, self._sizes = {d.name: d for d in directions}, tuple(parts), sizes
+    def __init__(self, directions: Sequence[Direction], parts: Sequence[Part]) -> None:
+        self.directions, self.parts = {d.name: d for d in directions}, tuple(parts)
 
     def __call__(self, name: str, by: str) -> np.ndarray:
         """Return the derivative (T,) of a variable by a quantity.
@@ -174,7 +172,7 @@ class Sensitivities:
     def _of(self, part: Part, direction: Direction, which: int, variables: np.ndarray) -> np.ndarray:
         """Return the derivatives (times, variables) in one segment."""
         segment, tangent, base = part.segment, part.tangents[which], part.base[which]
-        moved = np.max(np.abs(tangent) / self._sizes, initial=0.0)
+        moved = np.max(np.abs(tangent) / part.sizes, initial=0.0)
         step = STEP * min(direction.size, 1.0 / moved if moved > 0 else np.inf)
 
         def values(change: float) -> np.ndarray:
