@@ -23,7 +23,7 @@ GALLERY = ROOT / "docs/gallery"
 NOTES = json.loads((ROOT / "tests/data/notes.json").read_text())
 MORE = """
 planar/pendulum planar/double_pendulum planar/cart_pole planar/crane planar/four_bar planar/slider_crank
-planar/scissor_lift planar/chain planar/wheel_with_pendulum planar/three_cranks
+planar/scissor_lift planar/chain planar/wheel_with_pendulum planar/three_cranks classic/andrews
 hard/h05_atwood hard/h08_turning_lever hard/h22_block_and_tackle hard/h23_planetary_gear
 laws/h06_bungee laws/h07_ball_on_string laws/h16_stick_slip laws/h17_backlash laws/h18_freewheel laws/h19_bouncing_ball
 laws/h34_slack_string laws/clutch_lock laws/elevator laws/wagons laws/gear_shift

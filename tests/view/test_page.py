@@ -239,3 +239,11 @@ def test_a_notebook_gets_a_frame():
 def test_the_page_of_a_closed_loop_has_its_equations(formulation):
     run = lmoc.compile(ROOT / "models/planar/four_bar.lmo").simulate(stop=0.05, formulation=formulation)
     assert "Closures of the loops" in equations_html(run)
+
+
+@pytest.mark.parametrize(("file", "derived"), [("classic/andrews", False), ("planar/slider_crank", True)])
+def test_equations_of_many_closed_loops_are_not_derived_for_a_page(file, derived):
+    """Those of Andrews' mechanism take longer than a page may: it says so, and has everything else."""
+    run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=20)
+    text = equations_html(run)
+    assert ("<math" in text) is derived and ("6 variables follow from the closing of loops" in text) is not derived

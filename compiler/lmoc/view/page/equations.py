@@ -10,12 +10,14 @@ import numpy as np
 from lmoc import pipeline
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.prepared import Prepared
+from lmoc.ir.program import Solve
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import ModelError
 from lmoc.report.result import Result
 from lmoc.session import reduced_at, released_in_mode
 
 MOST_DERIVED = 24  # states of a scene whose equations are derived for the page
+MOST_CLOSED = 4  # unknowns of closed loops: with 6 (Andrews' mechanism) it takes more than half a minute
 
 
 def equations_html(run: Result) -> str:
@@ -23,6 +25,9 @@ def equations_html(run: Result) -> str:
     count = len(run.reduced.states)
     if count > MOST_DERIVED:
         return f"<p>Not derived for the page: the scene has {count} states.</p>"
+    closed = sum(step.unknowns.size for step in run.reduced.rhs if isinstance(step, Solve) and not step.linear)
+    if closed > MOST_CLOSED:
+        return f"<p>Not derived for the page: {closed} variables follow from the closing of loops.</p>"
     try:
         prepared = _as_written(run)
         return _of_modes(prepared, run) if prepared.flat.laws else _of_motion(prepared)
