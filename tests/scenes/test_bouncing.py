@@ -20,6 +20,15 @@ def test_a_steel_floor_below_two_balls_that_lose_energy_between_them(solver):
     assert run.energy.balance < 1e-6
 
 
+@pytest.mark.parametrize("restitution", ["0.9999999999999999", "0.999999999"])
+def test_a_restitution_next_to_one_is_one(restitution):
+    """Of the series of its own bounces nothing is over; taken for its end, the balls would rest after 3e8 s."""
+    run = lmoc.compile_text(STACKED.replace("e = 1)", f"e = {restitution})")).simulate(stop=2.0)
+    (over,) = [e for e in run.events if e.kind == "accumulation" and e.name == "s"]
+    assert over.time == pytest.approx(1.8105052639, abs=1e-8)
+    assert run.modes[-1][1] == {"s": "contact", "t": "contact"}
+
+
 def test_a_ball_without_loss_bounces_for_ever():
     """The height of its fall does not matter."""
     for height in (1.0, 1e-3, 1e-6):

@@ -19,6 +19,7 @@ from lmoc.support.records import dataclass
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 _NOISES = 4.0  # times the bound for its rounding, within which a level is zero
+_LOSSLESS = 1e-6  # of a rate, in a bounce
 _SMALL = 1e-12  # of its terms: levels that may be rounding alone
 KINDS = tuple(LawKind)
 
@@ -58,6 +59,11 @@ class LawTable:
     @cached_property
     def contact(self) -> Mask:
         return self._of(LawKind.CONTACT_FRICTION)
+
+    @cached_property
+    def lossless(self) -> Mask:
+        """Restitution of 1, or so near to it that the bounces left after any other one are no series that ends."""
+        return self.restitution > 1.0 - _LOSSLESS
 
     @cached_property
     def impulsive(self) -> Mask:

@@ -391,7 +391,7 @@ class LawSwitching:
         series (Aitken's extrapolation).
         """
         times = self.impacts[law]
-        if self.kinematics.table.restitution[law] < 1.0 or len(times) < _SERIES:
+        if not self.kinematics.table.lossless[law] or len(times) < _SERIES:
             return max(t, until)
         first, second = np.diff(times).tolist()
         return t + second**2 / (first - second) if 0.0 < second < first else t

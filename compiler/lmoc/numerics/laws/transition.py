@@ -268,7 +268,7 @@ def _last_bounces(table: LawTable, now: Instant, leaving: Mask, level: Array, lo
     2·r/(a·(1 − e)).
     """
     e = table.restitution
-    leaving = leaving & (e > 0.0) & (e < 1.0) & (level < 0.0)
+    leaving = leaving & (e > 0.0) & ~table.lossless & (level < 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         left = np.where(leaving, 2 * now.rate / (-level * (1.0 - e)), np.inf)
     over = (left < BOUNCES_LEFT) | (leaving & (now.rate**2 <= -2 * level * lowest))
@@ -283,8 +283,8 @@ def _last_elastic(
     Alone, such a law bounces for ever. Beside one that takes energy, as a ball on another one on a steel floor, all
     bounces tend to rest together; when their heights are no longer told from zero, neither are the gaps between them.
     """
-    elastic = leaving & trigger.closing & (table.restitution >= 1.0)
-    taking = striking & (table.restitution < 1.0)
+    elastic = leaving & trigger.closing & table.lossless
+    taking = striking & ~table.lossless
     elastic &= (now.delassus[:, taking] != 0.0).any(axis=1)
     low = leaving & (level < 0.0) & (now.rate**2 <= -2 * level * _TOGETHER * lowest)
     return low if (elastic & low).any() else np.zeros(len(leaving), bool)
