@@ -158,6 +158,8 @@ def _refuse(dae: CompiledDAE) -> None:
         why = f"it has laws that switch ({', '.join(list(names)[:3])}{', …' if len(names) > 3 else ''})"
     elif reduced.in_all_coordinates:
         why = "its closed loops have no minimal coordinates that serve"
+    elif flat.events is not None and (flat.kind[flat.events.clocks()] == Kind.UNKNOWN).any():
+        why = "the equations of its start determine when it samples"
     if why:
         raise refusal(flat, why)
 

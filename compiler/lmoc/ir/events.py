@@ -66,7 +66,10 @@ class Assigned:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """``target[i]`` is true at the instants ``start[i] + k·interval[i]``; variables known before the run."""
+    """``target[i]`` is true at the instants ``start[i] + k·interval[i]``: variables that do not change.
+
+    They are known before the run, or follow from parameters that the equations of the start determine.
+    """
 
     target: np.ndarray
     start: np.ndarray
@@ -128,6 +131,10 @@ class Events:
     whens: tuple[Whens, ...]
     terminations: tuple[Terminations, ...]
     written: tuple[Any, ...] = field(default=(), repr=False)
+
+    def clocks(self) -> np.ndarray:
+        """Return the variables that say when samples are."""
+        return np.concatenate([np.zeros(0, int), *(column for s in self.samples for column in (s.start, s.interval))])
     initial: int = -1
     terminal: int = -1
 

@@ -79,7 +79,7 @@ class EventLayout:
 
     def _seen(self, of_time: set[int]) -> np.ndarray:
         events, flat = self.events, self.flat
-        read = [events.before[0], *(r.target for r in events.reinits)]
+        read = [events.before[0], events.clocks(), *(r.target for r in events.reinits)]
         tables = [(s.value, s.slots) for s in self.plan.reduced.discrete if s.relation < 0 or s.relation in of_time]
         tables += [(r.value, r.slots) for r in events.reinits]
         tables += [(t.guard, t.slots) for t in events.terminations]

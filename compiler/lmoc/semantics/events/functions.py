@@ -9,7 +9,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
-from lmoc.semantics.drafts.draft import ActionDraft, AssignmentDraft, CheckDraft, Column, compact, flat_column
+from lmoc.semantics.drafts.draft import ActionDraft, AssignmentDraft, CheckDraft, Column, compact, equality, flat_column
 from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Variable
 from lmoc.semantics.values.builtins import arguments, builtin
@@ -97,7 +97,7 @@ def _sample(context: Context, call: tree.Call) -> Value:
     for name, value in values.items():
         if value.dims or value.type not in ("Real", "Integer"):
             raise Wrong("E0301", f"the {name} of 'sample' must be a single number", given[name].span, found=value.type)
-        if changes(context, value):
+        if changes(context, value) and not _is_found_at_start(context, value):
             raise Wrong("E0211", f"the {name} of 'sample' must be known before the run, but changes in time",
                         given[name].span)  # fmt: skip
     if context.node is None:
@@ -117,6 +117,12 @@ def _sample(context: Context, call: tree.Call) -> Value:
     return Value(slot, (), "Boolean")
 
 
+def _is_found_at_start(context: Context, value: Value) -> bool:
+    """Return whether a value depends on no more than parameters, and some that the equations of the start determine."""
+    variables = [context.leaves[leaf.value[0]].variable for leaf in dag.slots(value.expr) if not leaf.value[1]]
+    return not dag.depends_on_time(value.expr) and all(v is None or v.known or v.from_start for v in variables)
+
+
 def _known_column(context: Context, value: Value, name: str) -> Column:
     """The parameter that a value is; an expression of parameters gets a constant of its own."""
     shape, expr = context.space.shape, value.expr
@@ -124,10 +130,13 @@ def _known_column(context: Context, value: Value, name: str) -> Column:
         return None, expr.value
     if expr.op == "slot":
         return flat_column(context.leaves[expr.value[0]], shape)
-    drafts = context.model.drafts
-    variable, index, _ = drafts.helpers.add(context.node, context.space, context.leaves, name, Kind.CONSTANT)
+    drafts, kind = context.model.drafts, Kind.UNKNOWN if changes(context, value) else Kind.CONSTANT
     leaves, (only,) = compact(context.leaves.items, expr)
+    variable, index, slot = drafts.helpers.add(context.node, context.space, context.leaves, name, kind)
     columns = tuple(flat_column(leaf, shape) for leaf in leaves)
     target = index.reshape(-1) if isinstance(index, np.ndarray) else index
+    if kind == Kind.UNKNOWN:
+        drafts.groups += equality(context, Value(slot), value, context.scope.definition.span, context.node, "argument")
+        return flat_column(Leaf(variable, index), shape)
     drafts.bindings.append(AssignmentDraft(variable, target, only, columns, None, context.scope.library))
     return flat_column(Leaf(variable, index), shape)

@@ -120,6 +120,8 @@ def _check(trajectory: Trajectory) -> None:
     reduced, flat = observer.plan.reduced, observer.flat
     if (reduced.switched is not None or flat.events is not None) and trajectory.begun is None:
         raise NotWritten("the run goes on where another one has ended, whose events the page does not know")
+    if flat.events is not None and (flat.kind[flat.events.clocks()] == Kind.UNKNOWN).any():
+        raise NotWritten("the equations of the start determine when it samples, which the page does not compute")
     if trajectory.stats.get("solver") == MOREAU:
         raise NotWritten("the run takes steps of equal length with impulses, which the page does not compute")
     if reduced.switched is not None and (reduced.switched.degree == JENKINS).any():
