@@ -35,7 +35,7 @@ from lmoc.semantics.equations import EquationSection
 from lmoc.semantics.events import functions as _events  # noqa: F401  registers pre, edge, …
 from lmoc.semantics.events.assemble import with_events
 from lmoc.semantics.events.whens import mark
-from lmoc.semantics.instances.declarations import declare, settle_computed, settle_from_start
+from lmoc.semantics.instances.declarations import declare, settle_computed, settle_explicit, settle_from_start
 from lmoc.semantics.instances.elaboration import Elaboration
 from lmoc.semantics.instances.experiment import experiment_of
 from lmoc.semantics.instances.slider import sliders_of
@@ -170,6 +170,7 @@ class _Flattening:
             declare(model, self.drafts, variable)
         for instance in root.instances():
             self._equations(instance)
+        settle_explicit(self.drafts)
         report_unknown_units(self.layout.variables, self.report)
         check_units(self.drafts, self.report, self.own)
         for drafts in (self.drafts.groups, self.drafts.initial, self.drafts.bindings, self.drafts.starts):

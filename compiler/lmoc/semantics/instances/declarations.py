@@ -68,6 +68,47 @@ def settle_from_start(model: Elaboration, variables: list[Variable]) -> None:
                     variable.kind, variable.from_start, changed = Kind.UNKNOWN, True, True
 
 
+def settle_explicit(drafts: Drafts) -> None:
+    """Make those parameters that the start gives as a formula of known ones parameters with a value, in their order.
+
+    ``p = 2*q`` as an initial equation, or ``p := 2*q`` in an initial algorithm, is no equation that a search must solve.
+    """
+    while found := _formulas(drafts):
+        for group, binding in found:
+            variable = binding.variable
+            drafts.bindings.append(binding)
+            variable.kind, variable.from_start, variable.computed = Kind.PARAMETER, False, True
+            drafts.initial[:] = [g for g in drafts.initial if g is not group]
+            constant = [g for g in drafts.groups if g.origin == "constant" and g.columns[0][0] is variable]
+            drafts.groups[:] = [g for g in drafts.groups if g is not group and g not in constant]
+
+
+def _formulas(drafts: Drafts) -> list[tuple[GroupDraft, AssignmentDraft]]:
+    """Return the equations that give a parameter from known values; none of one that several of them give."""
+    groups = [*drafts.initial, *(g for g in drafts.groups if g.origin == "binding")]
+    found = [(group, binding) for group in groups if (binding := _formula(group)) is not None]
+    given = [id(binding.variable) for _, binding in found]
+    return [one for one, variable in zip(found, given, strict=True) if given.count(variable) == 1]
+
+
+def _formula(group: GroupDraft) -> AssignmentDraft | None:
+    """Return what an equation says of a whole parameter that the start determines, from known values alone."""
+    for left, right in ((group.left, group.right), (group.right, group.left)):
+        if left.op != "slot" or left.value[1] or dag.depends_on_time(right):
+            continue
+        variable, target = group.columns[left.value[0]]
+        leaves = dag.slots(right)
+        columns = sorted({leaf.value[0] for leaf in leaves})
+        whole = variable is not None and variable.from_start and group.rows == variable.size
+        known = all((v := group.columns[k][0]) is None or v.known for k in columns)
+        if whole and known and not any(leaf.value[1] for leaf in leaves):
+            place = {k: n for n, k in enumerate(columns)}
+            shape = dag.transform(right, lambda e, to=place: dag.slot(to[e.value[0]]) if e.op == "slot" else e)
+            own = tuple(group.columns[k] for k in columns)
+            return AssignmentDraft(variable, target, shape, own, group.span, group.library)
+    return None
+
+
 def _changes(model: Elaboration, binding: Binding) -> bool:
     try:
         return changes(*model.known.binding(binding))
