@@ -71,7 +71,7 @@ def settle_from_start(model: Elaboration, variables: list[Variable]) -> None:
 def settle_explicit(drafts: Drafts) -> None:
     """Make those parameters that the start gives as a formula of known ones parameters with a value, in their order.
 
-    ``p = 2*q`` as an initial equation, or ``p := 2*q`` in an initial algorithm, is no equation that a search must solve.
+    ``p = 2*q`` as an initial equation, or ``p := 2*q`` in an initial algorithm, is no equation to be solved.
     """
     while found := _formulas(drafts):
         for group, binding in found:
