@@ -392,6 +392,16 @@ def test_a_building_is_upright_and_its_equal_floors_are_left_out():
     assert "… 17 × SpringDamper, 16 × Mass" in texts(found)
 
 
+def test_a_car_stands_on_the_road_and_its_shafts_go_on_at_a_number():
+    found = lmoc.compile(PICTURES / "clutch_start.lmo").draw().picture
+    (road,) = all_of(found, "road")
+    car, tyre = of(found, "car"), of(found, "tyre")
+    assert car.ends[0].y < tyre.ends[0].y < road.ends[0].y and car.ends[0].x == pytest.approx(tyre.ends[0].x)
+    assert not all_of(found, "string") and not all_of(found, "bearing")
+    marks = [i.nodes for i in all_of(found, "continuation")]
+    assert any(marks.count(nodes) == 2 and nodes[0] in tyre.nodes for nodes in marks)
+
+
 def test_wheels_stand_on_one_road_below_their_bodies():
     found = lmoc.compile_text("""model Cars "A car and its trailer"
       Mass car(m = 1), trailer(m = 1); Spring hook(k = 1); Wheel front(r = 0.3), rear(r = 0.4), third(r = 0.3);
