@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from lmoc.ir.flat import FlatDAE
     from lmoc.ir.reduced import Reduced
-    from lmoc.numerics.run.text import Lowered
+    from lmoc.numerics.run.text import LoweredText
     from lmoc.sources.opened import Named
     from lmoc.sources.packages import Folder
     from lmoc.syntax import tree
@@ -254,7 +254,7 @@ def _reduced(flat: FlatDAE, scene: Scene, clock: Clock) -> Reduced:
     return reduce(flat, flat.parameter_values(indexed(flat, flat.overrides)), scene.states, clock)
 
 
-def _lowered(reduced: Reduced, _: Scene, clock: Clock) -> Lowered:
+def _lowered(reduced: Reduced, _: Scene, clock: Clock) -> LoweredText:
     with clock.stage("lower"):
         from lmoc.numerics.run.text import lower
 
@@ -288,7 +288,7 @@ def _normalized_text(reduced: Reduced) -> str:
     return _text(normalize(reduced.flat, reduced.values, None, Report()))
 
 
-def _lowered_text(lowered: Lowered) -> str:
+def _lowered_text(lowered: LoweredText) -> str:
     from lmoc.numerics.run.text import lowered_text
 
     return lowered_text(lowered)

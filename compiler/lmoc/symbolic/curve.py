@@ -33,7 +33,7 @@ SEVERAL = 10.0  # times as large is another one that vanishes at the same place
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class LoopCurve:
     """A mechanism with one degree of freedom in all coordinates of its loops.
 
     Attributes
@@ -86,7 +86,7 @@ class Walk:
     end: str
 
 
-def walk(curve: Curve, start: Vector) -> Walk:
+def walk(curve: LoopCurve, start: Vector) -> Walk:
     """Return the states of rest on the curve through a place, both ways from it."""
     here = _spot(curve, start, None)
     if here is None:
@@ -102,7 +102,7 @@ def walk(curve: Curve, start: Vector) -> Walk:
     return Walk(_different(curve, forward + backward), f"along the curve through the start{others} up to {ends}")
 
 
-def _one_way(curve: Curve, here: Spot) -> tuple[list[Vector], str, bool]:
+def _one_way(curve: LoopCurve, here: Spot) -> tuple[list[Vector], str, bool]:
     """Return the states of rest from a place on, what the walk came to, and whether it crossed another branch.
 
     It came to nothing where it came back to the start.
@@ -138,13 +138,13 @@ def _one_way(curve: Curve, here: Spot) -> tuple[list[Vector], str, bool]:
     return found, f"{MOST_STEPS} steps away", crossed
 
 
-def _follows(curve: Curve, here: Spot, there: Spot, step: float) -> bool:
+def _follows(curve: LoopCurve, here: Spot, there: Spot, step: float) -> bool:
     """Return whether a place is the next one on the same branch."""
     moved = float(np.linalg.norm((there.y - here.y) / curve.scale))
     return moved < 1.5 * step and float(here.tangent @ there.tangent) > np.cos(TURN)
 
 
-def _lost_rank(curve: Curve, before: Spot, here: Spot, there: Spot) -> int:
+def _lost_rank(curve: LoopCurve, before: Spot, here: Spot, there: Spot) -> int:
     """Return how many singular values vanish between three places in a row."""
     if not (here.least <= min(before.least, there.least) and here.least < NEAR):
         return 0
@@ -159,7 +159,7 @@ def _lost_rank(curve: Curve, before: Spot, here: Spot, there: Spot) -> int:
     return int(np.sum(at.singular < SEVERAL * CROSSES)) if at.least < CROSSES else 0
 
 
-def _spot(curve: Curve, y: Vector, along: Vector | None) -> Spot | None:
+def _spot(curve: LoopCurve, y: Vector, along: Vector | None) -> Spot | None:
     """Return the place on the curve next to another place, None where there is none near by.
 
     Parameters
@@ -183,7 +183,7 @@ def _spot(curve: Curve, y: Vector, along: Vector | None) -> Spot | None:
     return None
 
 
-def _refined(curve: Curve, low: Spot, high: Spot) -> list[Vector]:
+def _refined(curve: LoopCurve, low: Spot, high: Spot) -> list[Vector]:
     """Return the state of rest between two places by bisection; none where the acceleration has a pole there."""
     least = min(abs(low.acceleration), abs(high.acceleration))
     if high.acceleration == 0:
@@ -196,7 +196,7 @@ def _refined(curve: Curve, low: Spot, high: Spot) -> list[Vector]:
     return [low.y] if abs(low.acceleration) <= least else []
 
 
-def _different(curve: Curve, found: list[Vector]) -> list[Vector]:
+def _different(curve: LoopCurve, found: list[Vector]) -> list[Vector]:
     """Return the places that are not the same; angles within a turn."""
     unique: list[Vector] = []
     for y in found:

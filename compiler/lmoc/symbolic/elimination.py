@@ -26,7 +26,7 @@ Sparse = dict[int, Element]
 
 
 @dataclass(frozen=True, eq=False)
-class Elimination:
+class Eliminated:
     """The result of elimination.
 
     Attributes
@@ -46,7 +46,7 @@ class Elimination:
 
 def eliminate(
     rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int] = (), most: float = MOST_TERMS
-) -> Elimination:
+) -> Eliminated:
     """Solve ``Σ rows[i][x]·x = right[i]`` for all unknowns x that occur.
 
     Parameters
@@ -78,7 +78,7 @@ def eliminate(
     def readable(row: Sparse) -> Row:
         return {x: field.to_sympy(c) for x, c in row.items()}
 
-    return Elimination(
+    return Eliminated(
         {x: readable(row) for x, row in solution.items()},
         {x: readable(row) for x, row in by_free.items()},
         [readable(right[i]) for i in range(len(rows)) if i not in used],

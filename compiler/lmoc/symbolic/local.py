@@ -14,7 +14,7 @@ from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr, postorder, slots
 from lmoc.expression.to_sympy import lower
 from lmoc.ir.flat import FlatDAE, Group, Kind
-from lmoc.symbolic.elimination import Elimination, eliminate
+from lmoc.symbolic.elimination import Eliminated, eliminate
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.names import base_of
 from lmoc.symbolic.slope import slope
@@ -147,7 +147,7 @@ class PartLaws:
 
     def solve_relations(
         self, balances: bool = False, massless: bool = False
-    ) -> tuple[Elimination, dict[int, sympy.Expr], list[sympy.Expr]]:
+    ) -> tuple[Eliminated, dict[int, sympy.Expr], list[sympy.Expr]]:
         """Eliminate unknown flows by the relations among them.
 
         Parameters

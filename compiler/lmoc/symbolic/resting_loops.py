@@ -21,7 +21,7 @@ from lmoc.numerics.run.simulate import Simulator
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.support.records import dataclass
-from lmoc.symbolic.curve import Curve, walk
+from lmoc.symbolic.curve import LoopCurve, walk
 from lmoc.symbolic.search import Rest, rests, values_at, within_a_turn
 from lmoc.symbolic.system import coordinates_of
 
@@ -145,7 +145,7 @@ def rests_on_curve(
         return None
     size = float(np.abs(start[~still.turning]).max(initial=0.0)) or 1.0
     scale = np.where(still.turning, 1.0, size)
-    gone = walk(Curve(still.parts, scale, still.turning, redundant=bool(reduced.left_out)), start)
+    gone = walk(LoopCurve(still.parts, scale, still.turning, redundant=bool(reduced.left_out)), start)
     alone = [Rest(within_a_turn(y, still.turning), (), np.zeros((len(y), 0))) for y in gone.found]
     alone = sorted((_rounded(rest, scale) for rest in alone), key=lambda rest: tuple(np.round(rest.at, 9)))
     symbols = [sp.Symbol(name) for name in still.names]

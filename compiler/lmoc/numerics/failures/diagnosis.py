@@ -12,7 +12,7 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.ranges import over_range
 from lmoc.messages.source import Span
 from lmoc.numerics.coordinates.change import block_unknowns
-from lmoc.numerics.failures.nan_sources import Moving, moving, nan_sources
+from lmoc.numerics.failures.nan_sources import MovingRisks, moving, nan_sources
 from lmoc.numerics.limits import NUMBERS
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import Slice
@@ -187,7 +187,7 @@ def _rest_interpreter(plan: Plan) -> Interpreter:
     return Interpreter(tuple(s for s in steps if not done[written(s)].all()), count)
 
 
-def moving_risks(plan: Plan) -> Moving:
+def moving_risks(plan: Plan) -> MovingRisks:
     """Return the part of `nan_sources` that has to be looked at along a run (`nan_sources.moving`)."""
     sources = np.concatenate([plan.states, plan.sampled, _switching(plan)])
     return moving(plan.once(_losable), sources, DENSE, plan.program)

@@ -38,7 +38,7 @@ def nan_sources(program: Program, count: int) -> tuple[Program, np.ndarray, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Moving:
+class MovingRisks:
     """Those of the registers to look at that change during a run.
 
     Attributes
@@ -56,7 +56,7 @@ class Moving:
 
 def moving(
     found: tuple[Program, np.ndarray, int], sources: np.ndarray, largest: int, integrated: Program = ()
-) -> Moving:
+) -> MovingRisks:
     """Return the part of `nan_sources` that changes with the registers in `sources` and with the time.
 
     Parameters
@@ -78,7 +78,7 @@ def moving(
             solved[written(step)] = True
     together = watched[changes[watched] & ~alone[watched] & ~solved[watched]]
     others = bool((changes & alone)[watched].any())
-    return Moving(together, needed_steps(program, together, count), count, others)
+    return MovingRisks(together, needed_steps(program, together, count), count, others)
 
 
 def _tells_time(step: Step) -> bool:

@@ -15,7 +15,7 @@ from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)
-class Loops:
+class EqualLoops:
     """Loops of equal shape on one stage: matrices (loops, m, n).
 
     Attributes
@@ -39,7 +39,7 @@ class Loops:
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class ClosureStage:
     """Closures of one stage, by the states that they are solved for.
 
     Attributes
@@ -55,7 +55,7 @@ class Stage:
     residual: np.ndarray
     columns: np.ndarray
     jacobian: Jacobian
-    loops: tuple[Loops, ...]
+    loops: tuple[EqualLoops, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Closing:
     program: Program
     count: int
     parameters: np.ndarray
-    stages: tuple[Stage, ...]
+    stages: tuple[ClosureStage, ...]
 
 
 def closing(plan: Plan) -> Closing:
@@ -81,11 +81,11 @@ def closing(plan: Plan) -> Closing:
         residual, columns = own.residual[own.stage == k], np.flatnonzero(own.state_stage == k)
         steps = needed_steps(program, residual, count)
         jacobian = Jacobian(steps, plan.states[columns], residual, count)
-        stages.append(Stage(steps, residual, columns, jacobian, tuple(_loops(jacobian, len(residual), columns))))
+        stages.append(ClosureStage(steps, residual, columns, jacobian, tuple(_loops(jacobian, len(residual), columns))))
     return Closing(program, count, np.flatnonzero(used & ~changing), tuple(stages))
 
 
-def _loops(jacobian: Jacobian, rows: int, columns: np.ndarray) -> Iterator[Loops]:
+def _loops(jacobian: Jacobian, rows: int, columns: np.ndarray) -> Iterator[EqualLoops]:
     """Yield the connected parts of a Jacobian, equal shapes together."""
     row, column = jacobian.rows, jacobian.columns
     ends = row, rows + column
@@ -102,4 +102,4 @@ def _loops(jacobian: Jacobian, rows: int, columns: np.ndarray) -> Iterator[Loops
         i[height], j[width] = np.arange(shape[0]), np.arange(shape[1])
         entry = np.flatnonzero(loop[row] >= 0)
         place = loop[row[entry]], i[row[entry]], j[column[entry]]
-        yield Loops(height, columns[width], entry, place)
+        yield EqualLoops(height, columns[width], entry, place)

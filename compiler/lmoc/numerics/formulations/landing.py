@@ -16,7 +16,7 @@ from lmoc.engine.kernel import Kernel, StepHook
 from lmoc.engine.library import address, library
 from lmoc.lower.blocks import derivatives_tape
 from lmoc.lower.tape import Tape
-from lmoc.numerics.formulations.closing import Loops, Stage, closing
+from lmoc.numerics.formulations.closing import ClosureStage, EqualLoops, closing
 from lmoc.numerics.plan.plan import Plan
 
 _PIECES = 16  # into which the way of a Taylor step may be divided, where its ends alone do not tell enough
@@ -117,7 +117,7 @@ class Landing:
         times = np.ascontiguousarray(times, float)
         return not self._many(len(times), times.ctypes.data, states.ctypes.data)
 
-    def _stage(self, stage: Stage, tape: Tape, base: np.ndarray) -> _Stage:
+    def _stage(self, stage: ClosureStage, tape: Tape, base: np.ndarray) -> _Stage:
         groups = (_Loops * len(stage.loops))(*map(self._loops, stage.loops))
         residuals, entries = len(stage.residual), len(stage.jacobian.source)
         kernel = Kernel(tape)
@@ -127,7 +127,7 @@ class Landing:
         out = self._at(np.zeros(entries + residuals))
         return _Stage(residuals, entries, len(groups), groups, out, *kernel.addresses, self._at(results))
 
-    def _loops(self, own: Loops) -> _Loops:
+    def _loops(self, own: EqualLoops) -> _Loops:
         (loops, m), n = own.rows.shape, own.columns.shape[1]
         loop, i, j = own.place
         tables = own.rows, own.columns, own.entry, (loop * m + i) * n + j

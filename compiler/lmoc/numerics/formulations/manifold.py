@@ -14,7 +14,7 @@ import numpy as np
 
 from lmoc.lower.tape import Tape
 from lmoc.numerics.evaluate.function import TapeFunction
-from lmoc.numerics.formulations.closing import Closing, Stage, closing
+from lmoc.numerics.formulations.closing import Closing, ClosureStage, closing
 from lmoc.numerics.formulations.landing import Landing, landing, stage_tapes
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
@@ -40,7 +40,7 @@ class Manifold:
         self.landing: Landing | None = landing(plan, self.base, scale)
 
     @property
-    def stages(self) -> tuple[Stage, ...]:
+    def stages(self) -> tuple[ClosureStage, ...]:
         """Positions, then velocities."""
         return self.own.stages
 
@@ -52,7 +52,7 @@ class Manifold:
         entries = [len(s.jacobian.source) for s in self.stages]
         return [(own[:, n:], own[:, :n]) for own, n in zip(found, entries, strict=True)]
 
-    def _call(self, stage: Stage, tape: Tape) -> TapeFunction:
+    def _call(self, stage: ClosureStage, tape: Tape) -> TapeFunction:
         """Return the entries and residuals of a stage."""
         call = TapeFunction(tape, self.plan, np.concatenate([tape.results, stage.residual]))
         call.prepare(self.base, self.signals)
@@ -83,7 +83,7 @@ class Manifold:
                     x[:] = np.nan
         return x
 
-    def _correct(self, stage: Stage, residual: np.ndarray, entries: np.ndarray, x: np.ndarray) -> float:
+    def _correct(self, stage: ClosureStage, residual: np.ndarray, entries: np.ndarray, x: np.ndarray) -> float:
         """Make one correction of Newton's method; return the largest, in sizes of the coordinates."""
         largest = 0.0
         for own in stage.loops:

@@ -39,7 +39,7 @@ ROUNDING = 1e-14  # … and below this one of the largest terms of all
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class LCPSolution:
     """The answer to a problem.
 
     Attributes
@@ -63,7 +63,7 @@ class NoSolution(Exception):
         self.x = x
 
 
-def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | None = None) -> Solution:
+def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | None = None) -> LCPSolution:
     """Solve one problem.
 
     Parameters
@@ -79,7 +79,7 @@ def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | Non
     """
     n = len(q)
     if n == 0:
-        return Solution(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0, bool))
+        return LCPSolution(np.zeros(0), np.zeros(0), np.zeros(0, int), np.zeros(0, bool))
     if n == 1 and matrix[0, 0] > 0.0:
         return _alone(matrix[0, 0], q[0], lower[0], upper[0], LOWER if side is None else side[0])
     if n >= APART_FROM:
@@ -102,13 +102,13 @@ def solve(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides | Non
         if solved.all() and not len(_violated(x, w, side, lower, upper, allowed, diagonal)):
             w[side == FREE] = 0.0
             x = np.clip(x, lower, upper)
-            return Solution(x, w, side, _determined(matrix, side))
+            return LCPSolution(x, w, side, _determined(matrix, side))
     raise NoSolution(x)
 
 
 def _one_by_one(
     matrix: Array, q: Array, lower: Array, upper: Array, side: Sides, apart: list[NDArray[np.int64]]
-) -> Solution:
+) -> LCPSolution:
     """Solve a problem that falls into several, each for the components of a group."""
     n = len(q)
     x, w, sides, unique = np.zeros(n), np.zeros(n), np.full(n, LOWER), np.ones(n, bool)
@@ -120,10 +120,10 @@ def _one_by_one(
             x[own] = failed.x
             raise NoSolution(x) from None
         x[own], w[own], sides[own], unique[own] = found.x, found.w, found.side, found.unique
-    return Solution(x, w, sides, unique)
+    return LCPSolution(x, w, sides, unique)
 
 
-def _alone(slope: float, q: float, lower: float, upper: float, side: int) -> Solution:
+def _alone(slope: float, q: float, lower: float, upper: float, side: int) -> LCPSolution:
     """Solve a problem of one component, which stays on its side where both would do."""
     zero = -q / slope
     beyond = (1 if side == FREE else -1) * 2 * (NEGLIGIBLE + ROUNDING) * abs(zero)
@@ -132,7 +132,7 @@ def _alone(slope: float, q: float, lower: float, upper: float, side: int) -> Sol
     else:
         x, side = (lower, LOWER) if zero <= lower + abs(beyond) or lower == upper else (upper, UPPER)
         w = slope * x + q
-    return Solution(np.array([x]), np.array([w]), np.array([side]), np.ones(1, bool))
+    return LCPSolution(np.array([x]), np.array([w]), np.array([side]), np.ones(1, bool))
 
 
 def _pivot(matrix: Array, q: Array, lower: Array, upper: Array, side: Sides) -> tuple[Array, Sides]:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, NoSolution, Solution
+from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, LCPSolution, NoSolution
 from lmoc.numerics.limits import AT_LIMIT, NO_ENTRY
 from lmoc.support.records import dataclass
 
@@ -42,7 +42,7 @@ class Friction:
 NO_FRICTION = Friction(np.zeros(0, int), np.zeros(0, int), np.zeros(0))
 
 
-def solve_with_cones(matrix: Array, q: Array, lower: Array, upper: Array, friction: Friction) -> Solution:
+def solve_with_cones(matrix: Array, q: Array, lower: Array, upper: Array, friction: Friction) -> LCPSolution:
     """Solve a problem as of `complementarity.solve`, in which some bounds are shares of other components.
 
     Parameters
@@ -79,7 +79,7 @@ def solve_with_cones(matrix: Array, q: Array, lower: Array, upper: Array, fricti
     side[boxed] = np.where(z[over] > 0.0, UPPER, side[boxed])
     sliding = np.abs(x[rows]) >= limit * (1.0 - AT_LIMIT)
     side[rows] = np.where(sliding, np.where(x[rows] < 0.0, LOWER, UPPER), FREE)
-    return Solution(x, matrix @ x + q, side, np.ones(n, bool))
+    return LCPSolution(x, matrix @ x + q, side, np.ones(n, bool))
 
 
 def lemke(matrix: Array, q: Array) -> Array:

@@ -20,7 +20,17 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.numerics.laws.complementarity import FREE, LOWER, NEGLIGIBLE, Array, NoSolution, Sides, Solution, slack, solve
+from lmoc.numerics.laws.complementarity import (
+    FREE,
+    LOWER,
+    NEGLIGIBLE,
+    Array,
+    LCPSolution,
+    NoSolution,
+    Sides,
+    slack,
+    solve,
+)
 from lmoc.numerics.laws.cones import NO_FRICTION, Friction, solve_with_cones
 from lmoc.support.records import dataclass
 
@@ -90,7 +100,7 @@ def _poisson(delassus: Array, rate: Array, restitution: Array, friction: Frictio
     return _impact(rate, impulse, expansion.w, POISSON, compression.unique & expansion.unique)
 
 
-def _solved(delassus: Array, q: Array, least: Array, friction: Friction, side: Sides | None = None) -> Solution:
+def _solved(delassus: Array, q: Array, least: Array, friction: Friction, side: Sides | None = None) -> LCPSolution:
     """Solve for impulses, at least some of the laws without friction; the limits of friction follow from the answer.
 
     Where sides repeat, so that each friction either sticks or gives its share of its normal impulse, the impulses
@@ -116,7 +126,7 @@ def _solved(delassus: Array, q: Array, least: Array, friction: Friction, side: S
     return found if exact is None else exact
 
 
-def _with_sides(delassus: Array, q: Array, least: Array, friction: Friction, found: Solution) -> Solution | None:
+def _with_sides(delassus: Array, q: Array, least: Array, friction: Friction, found: LCPSolution) -> LCPSolution | None:
     """Return the solution in which everything is on the side found; None where that is none."""
     n, side = len(q), found.side
     matrix, right = np.eye(n), np.where(side == LOWER, least, 0.0)
@@ -138,7 +148,7 @@ def _with_sides(delassus: Array, q: Array, least: Array, friction: Friction, fou
     good &= bool((w[side == LOWER] >= -allowed[side == LOWER]).all())
     good &= bool((w[(side != LOWER) & ~free] <= allowed[(side != LOWER) & ~free]).all())
     w[free] = 0.0
-    return Solution(x, w, side, found.unique) if good else None
+    return LCPSolution(x, w, side, found.unique) if good else None
 
 
 def _impact(before: Array, impulse: Array, after: Array, law: str, unique: NDArray[np.bool_]) -> Impact:

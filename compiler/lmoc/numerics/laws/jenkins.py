@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from lmoc.ir.law import JENKINS
 from lmoc.ir.program import needed_steps
-from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, NoSolution, Solution, solve
+from lmoc.numerics.laws.complementarity import FREE, LOWER, UPPER, Array, LCPSolution, NoSolution, solve
 from lmoc.numerics.laws.contradiction import solving
 from lmoc.numerics.laws.instant import ContactKinematics, Instant, LawTable, Mask
 from lmoc.numerics.plan.plan import Plan
@@ -205,7 +205,7 @@ def _moves(compliance: Array, rate: Array, force: Array, lower: Array, upper: Ar
     return bool(found.unique.all())
 
 
-def _jump(compliance: Array, rate: Array, least: Array, most: Array) -> Solution:
+def _jump(compliance: Array, rate: Array, least: Array, most: Array) -> LCPSolution:
     """Return the changes of forces that rise at once to where one slides, for what moves them does not yield.
 
     They are those of a step of time that is too short for anything else to move.

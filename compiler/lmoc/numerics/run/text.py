@@ -15,7 +15,7 @@ from lmoc.support.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)
-class Lowered:
+class LoweredText:
     """The system that a run with the model's own signals integrates."""
 
     reduced: Reduced
@@ -23,7 +23,7 @@ class Lowered:
     system: System
 
 
-def lower(reduced: Reduced, report: Report) -> Lowered:
+def lower(reduced: Reduced, report: Report) -> LoweredText:
     """Lower a reduced system for a run with the model's own signals.
 
     Raises
@@ -32,10 +32,10 @@ def lower(reduced: Reduced, report: Report) -> Lowered:
         A signal is missing, or lacks a derivative.
     """
     simulator = Simulator(reduced)
-    return Lowered(reduced, *simulator.system(simulator.with_modes(default_signals(reduced.flat)), True, report))
+    return LoweredText(reduced, *simulator.system(simulator.with_modes(default_signals(reduced.flat)), True, report))
 
 
-def lowered_text(lowered: Lowered) -> str:
+def lowered_text(lowered: LoweredText) -> str:
     """Return how the derivatives are evaluated, and the shape of their Jacobian."""
     reduced, plan, system = lowered.reduced, lowered.plan, lowered.system
     _, indices = system.pattern()

@@ -27,7 +27,7 @@ from lmoc.symbolic.laws.statics import (
     OPEN,
     ZERO,
     Array,
-    Choice,
+    LawChoice,
     Polyhedra,
     StaticSystem,
     choices,
@@ -90,7 +90,7 @@ def _sorted(found: list[Equilibrium]) -> list[Equilibrium]:
 
 
 def _of_choice(
-    scene: Lawful, system: StaticSystem, polyhedra: Polyhedra, choice: Choice, inputs: Mapping[str, float]
+    scene: Lawful, system: StaticSystem, polyhedra: Polyhedra, choice: LawChoice, inputs: Mapping[str, float]
 ) -> Iterator[Equilibrium]:
     """Yield the equilibria of one mode, with the ranges that its laws leave."""
     mode = scene.in_mode(choice.closed == CLOSED, choice.direction)
@@ -115,7 +115,7 @@ def _unit(polyhedra: Polyhedra, k: int) -> Array:
     return np.eye(len(polyhedra.column))[k]
 
 
-def _force_ranges(scene: Lawful, polyhedra: Polyhedra, choice: Choice) -> dict[str, tuple[float, float]]:
+def _force_ranges(scene: Lawful, polyhedra: Polyhedra, choice: LawChoice) -> dict[str, tuple[float, float]]:
     """Return the ranges of the forces of closed laws that are not one number."""
     statics, found = polyhedra.statics, {}
     for law in np.flatnonzero(choice.closed == CLOSED).tolist():
@@ -126,7 +126,7 @@ def _force_ranges(scene: Lawful, polyhedra: Polyhedra, choice: Choice) -> dict[s
     return found
 
 
-def _at_limit(scene: Lawful, polyhedra: Polyhedra, choice: Choice) -> tuple[str, ...]:
+def _at_limit(scene: Lawful, polyhedra: Polyhedra, choice: LawChoice) -> tuple[str, ...]:
     """Return the names of closed complementarities that hold with no force, and open ones without a gap."""
     statics, found = polyhedra.statics, []
     for law, name in enumerate(scene.names):
@@ -143,7 +143,7 @@ def _at_limit(scene: Lawful, polyhedra: Polyhedra, choice: Choice) -> tuple[str,
 # ---------------------------------------------------------------------- of one mode
 
 
-def _with_laws(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: Choice) -> Equilibrium:
+def _with_laws(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: LawChoice) -> Equilibrium:
     """Return an equilibrium of a mode as one of the scene: all of its states, and the forces of closed laws."""
     import sympy as sp
 
@@ -212,7 +212,7 @@ def _still(system: StaticSystem) -> list[bool]:
     return [kind is LawKind.UNILATERAL or statics.at_rest(k) for k, kind in enumerate(statics.kinds)]
 
 
-def _tried(scene: Lawful, still: list[bool]) -> Iterator[Choice]:
+def _tried(scene: Lawful, still: list[bool]) -> Iterator[LawChoice]:
     """Yield all choices; laws on velocities that vanish at rest are closed.
 
     Raises
@@ -234,11 +234,11 @@ def _tried(scene: Lawful, still: list[bool]) -> Iterator[Choice]:
         raise refuse(f"the equilibria of a nonlinear scene, or one without values, are sought mode by mode: {reason}")
     for chosen in product(*ways):
         closed, direction = np.array(chosen, int).reshape(-1, 2).T
-        yield Choice(closed, direction)
+        yield LawChoice(closed, direction)
 
 
 def _rests_of(
-    scene: Lawful, choice: Choice, inputs: Mapping[str, float], in_numbers: bool
+    scene: Lawful, choice: LawChoice, inputs: Mapping[str, float], in_numbers: bool
 ) -> Iterator[tuple[Prepared, Equilibrium]]:
     """Yield the equilibria of a mode; none where its closed laws contradict each other."""
     try:
@@ -255,7 +255,7 @@ def _rests_of(
 
 
 def _rests_of_loops(
-    scene: Lawful, mode: Prepared, choice: Choice, inputs: Mapping[str, float]
+    scene: Lawful, mode: Prepared, choice: LawChoice, inputs: Mapping[str, float]
 ) -> Iterator[tuple[Prepared, Equilibrium]]:
     """Yield the equilibria of a mode in which loops are closed, as by a taut string in the plane, on all branches."""
     import sympy as sp
@@ -288,7 +288,7 @@ def _of_all_modes(scene: Lawful, inputs: Mapping[str, float]) -> Equilibria:
     return Equilibria(_sorted(found), "exact")
 
 
-def _conditions(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: Choice) -> list[sympy.Expr]:
+def _conditions(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: LawChoice) -> list[sympy.Expr]:
     """Return what must not be negative: gaps of open laws, forces of closed ones, what is left of friction limits."""
     found: list[sympy.Expr] = []
     closed = iter((choice.closed == CLOSED).tolist())
@@ -319,12 +319,12 @@ def _of_tried_modes(scene: Lawful, system: StaticSystem, inputs: Mapping[str, fl
     return Equilibria(_sorted(found), how)
 
 
-def _is_held(scene: Lawful, choice: Choice) -> list[bool]:
+def _is_held(scene: Lawful, choice: LawChoice) -> list[bool]:
     """Return for each law whether it is a friction that holds."""
     return [k in FRICTIONS and c == CLOSED for k, c in zip(scene.kinds, choice.closed, strict=True)]
 
 
-def _has_its_signs(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: Choice) -> bool:
+def _has_its_signs(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: LawChoice) -> bool:
     """Return whether gaps of open laws and forces of closed ones are not negative, of a family where it is zero."""
     free = {s.name for s in rest.free}
     numbers = np.array([places.number(scene.prepared, c, free) for c in _conditions(scene, mode, rest, choice)])
@@ -332,7 +332,7 @@ def _has_its_signs(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: Cho
 
 
 def _within_limits(
-    scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: Choice
+    scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: LawChoice
 ) -> list[Equilibrium]:
     """Return an equilibrium of a mode where its laws allow it: once, never, or on intervals of its free state."""
     held = [s for s in rest.free if any(k in FRICTIONS for k, c in zip(system.kinds, choice.closed, strict=True) if c)]
@@ -363,7 +363,7 @@ def _within_limits(
 
 
 def _edge(
-    scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: Choice, name: str, outside: float, inside: float
+    scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: LawChoice, name: str, outside: float, inside: float
 ) -> float:
     """Return where a free state reaches the limit of what holds it, by bisection."""
     for _ in range(50):
@@ -376,7 +376,7 @@ def _edge(
 
 
 def _allowed(
-    scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: Choice, free: Mapping[str, float]
+    scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: LawChoice, free: Mapping[str, float]
 ) -> bool:
     """Return whether there are forces within their limits that keep a point at rest."""
     import sympy as sp

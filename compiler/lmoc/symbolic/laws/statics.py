@@ -35,20 +35,20 @@ TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class LawChoice:
     """An alternative for each law: UNDECIDED, OPEN or CLOSED; and the direction in which open friction slips."""
 
     closed: NDArray[np.int64]
     direction: NDArray[np.int64]
 
-    def decided(self, law: int, closed: int, direction: int = 0) -> Choice:
+    def decided(self, law: int, closed: int, direction: int = 0) -> LawChoice:
         ways = self.closed.copy(), self.direction.copy()
         ways[0][law], ways[1][law] = closed, direction
-        return Choice(*ways)
+        return LawChoice(*ways)
 
 
 @dataclass(frozen=True, eq=False)
-class Affine:
+class AffineRows:
     """Rows ``matrix @ z + constant`` over z = (states, forces of the laws)."""
 
     matrix: Array
@@ -75,10 +75,10 @@ class Statics:
     kinds: tuple[LawKind, ...]
     normal: NDArray[np.int64]
     states: int
-    rates: Affine
-    motion: Affine
-    slip: Affine
-    stick: Affine
+    rates: AffineRows
+    motion: AffineRows
+    slip: AffineRows
+    stick: AffineRows
 
     @property
     def laws(self) -> int:
@@ -89,7 +89,7 @@ class Statics:
         row[self.states + law] = 1.0
         return row, 0.0
 
-    def limit(self, law: int, rows: Affine) -> tuple[Array, float]:
+    def limit(self, law: int, rows: AffineRows) -> tuple[Array, float]:
         """Return the limit of a friction force; one that is constant and negative counts as zero."""
         row, constant = rows[law]
         if self.kinds[law] is LawKind.CONTACT_FRICTION:
@@ -152,7 +152,7 @@ class StaticSystem:
         slope = np.nan_to_num(slope)  # of limits that are parameters
         constant = value - slope[:, :s] @ x
         parts = np.split(np.arange(s, s + 3 * n), 3)
-        rows = [Affine(slope[p], constant[p]) for p in (np.arange(s), *parts)]
+        rows = [AffineRows(slope[p], constant[p]) for p in (np.arange(s), *parts)]
         return Statics(self.kinds, self.normal, s, *rows)
 
     def _refuse(self, lost: NDArray[np.bool_]) -> None:
@@ -198,14 +198,14 @@ class Polyhedra:
         size = float(np.abs(constant * row).max(initial=0.0))
         self.column = self.column * (size if size > 0.0 else 1.0)
 
-    def extreme(self, choice: Choice, row: Array, constant: float = 0.0) -> float | None:
+    def extreme(self, choice: LawChoice, row: Array, constant: float = 0.0) -> float | None:
         """Return the largest value of a linear function; infinity where there is none, None where there is no point."""
         found = self._solve(choice, -row)
         if found is None:
             return None
         return np.inf if np.isnan(found).any() else float(row @ found + constant)
 
-    def point(self, choice: Choice) -> Array | None:
+    def point(self, choice: LawChoice) -> Array | None:
         """Return a point at which stuck friction carries nothing, or else is as far from its limits as possible.
 
         None where there is no point.
@@ -217,10 +217,10 @@ class Polyhedra:
             found = self._solve(choice, nothing, margin=True)
         return None if found is None or np.isnan(found).any() else found
 
-    def has_point(self, choice: Choice) -> bool:
+    def has_point(self, choice: LawChoice) -> bool:
         return self._solve(choice, np.zeros(len(self.column))) is not None
 
-    def range(self, choice: Choice, row: Array) -> tuple[float, float]:
+    def range(self, choice: LawChoice, row: Array) -> tuple[float, float]:
         """Return the least and the largest value of a linear function without a constant."""
         high, low = self.extreme(choice, row), self.extreme(choice, -row)
         if high is None or low is None:
@@ -228,7 +228,7 @@ class Polyhedra:
         return -low, high
 
     def _solve(
-        self, choice: Choice, objective: Array, more: Sequence[tuple[Array, float]] = (), margin: bool = False
+        self, choice: LawChoice, objective: Array, more: Sequence[tuple[Array, float]] = (), margin: bool = False
     ) -> Array | None:
         """Return the minimizer; NaN where there is none, None where there is no point.
 
@@ -282,7 +282,7 @@ class Polyhedra:
 FRICTIONS = frozenset({LawKind.DRY_FRICTION, LawKind.CONTACT_FRICTION})
 
 
-def conditions(statics: Statics, choice: Choice, law: int) -> tuple[list, list]:
+def conditions(statics: Statics, choice: LawChoice, law: int) -> tuple[list, list]:
     """Return the rows that vanish and the rows that are not negative, for the alternative of one law."""
     force, motion = statics.force(law), statics.motion[law]
     chosen = choice.closed[law]
@@ -310,19 +310,19 @@ def _or_one(values: Array) -> Array:
     return np.where(values > 0.0, values, 1.0)
 
 
-def choices(polyhedra: Polyhedra) -> Iterator[Choice]:
+def choices(polyhedra: Polyhedra) -> Iterator[LawChoice]:
     """Yield the choices with a point, without those that are limits of others: closed laws with no force at all.
 
     Where gap and force of a law vanish together in all of the points, it counts as closed.
     """
     statics = polyhedra.statics
     still = [kind is LawKind.UNILATERAL or statics.at_rest(k) for k, kind in enumerate(statics.kinds)]
-    nothing = Choice(np.full(statics.laws, UNDECIDED), np.zeros(statics.laws, int))
+    nothing = LawChoice(np.full(statics.laws, UNDECIDED), np.zeros(statics.laws, int))
     if polyhedra.has_point(nothing):
         yield from _below(polyhedra, nothing, 0, still)
 
 
-def _below(polyhedra: Polyhedra, choice: Choice, law: int, still: list[bool]) -> Iterator[Choice]:
+def _below(polyhedra: Polyhedra, choice: LawChoice, law: int, still: list[bool]) -> Iterator[LawChoice]:
     statics = polyhedra.statics
     if law == statics.laws:
         yield choice
@@ -331,7 +331,7 @@ def _below(polyhedra: Polyhedra, choice: Choice, law: int, still: list[bool]) ->
         yield from _below(polyhedra, one, law + 1, still)
 
 
-def _alternatives(polyhedra: Polyhedra, choice: Choice, law: int, still: bool) -> list[Choice]:
+def _alternatives(polyhedra: Polyhedra, choice: LawChoice, law: int, still: bool) -> list[LawChoice]:
     """Return the alternatives of one law that have a point."""
     statics = polyhedra.statics
     closed = choice.decided(law, CLOSED)
@@ -359,7 +359,7 @@ def _size(polyhedra: Polyhedra, row: Array, constant: float) -> float:
     return max(float((np.abs(row) * polyhedra.column).max(initial=0.0)), abs(constant))
 
 
-def holds(statics: Statics, x: Array, choice: Choice) -> bool:
+def holds(statics: Statics, x: Array, choice: LawChoice) -> bool:
     """Return whether there are forces with which a choice holds at a point."""
     equal = [statics.rates[k] for k in range(statics.states)]
     least: list[tuple[Array, float]] = []
@@ -382,11 +382,11 @@ def holds(statics: Statics, x: Array, choice: Choice) -> bool:
 def _about_point(statics: Statics, x: Array) -> Statics:
     """Return the conditions with the states held: in the forces alone."""
 
-    def held(rows: Affine) -> Affine:
+    def held(rows: AffineRows) -> AffineRows:
         constant = rows.constant + rows.matrix[:, : statics.states] @ x
         matrix = rows.matrix.copy()
         matrix[:, : statics.states] = 0.0
-        return Affine(matrix, constant)
+        return AffineRows(matrix, constant)
 
     parts = {name: held(getattr(statics, name)) for name in ("rates", "motion", "slip", "stick")}
     return replace(statics, **parts)
