@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 from conftest import ROOT
+from oracles.models import PARALLELOGRAM
 from scipy.integrate import solve_ivp
 
 import lmoc
@@ -135,10 +136,6 @@ def test_a_constraint_between_velocities_alone(formulation):
     run = lmoc.compile_text(RATES).simulate(stop=2, points=21, rtol=1e-8, formulation=formulation)
     np.testing.assert_allclose(run["x"], np.sin(1.5 * run.time) / 1.5, atol=1e-5)
     np.testing.assert_allclose(run["y"], (1 - np.cos(1.5 * run.time)) / 1.5, atol=1e-5)
-
-
-SINGULAR = (ROOT / "tests/scenes/test_singular_positions.py").read_text(encoding="utf-8")
-PARALLELOGRAM = re.search(r'PARALLELOGRAM = """(.*?)"""', SINGULAR, re.DOTALL).group(1)
 
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
