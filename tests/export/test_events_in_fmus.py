@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from ctypes import POINTER, c_double
 from pathlib import Path
 
@@ -247,3 +248,58 @@ def test_discrete_variables_are_read_by_their_type_and_not_set(made) -> None:
         with pytest.raises(FMICallException):
             call()
     fmu.freeInstance()
+
+
+def any_call(fmu, references: list[int], states: list, rng: random.Random, kind: str):
+    """One of the calls of FMI, with any value."""
+    given = (c_double * 2)()
+
+    def number() -> float:
+        return rng.choice([0.0, 1.0, -3.0, 1e300, float("nan"), float("inf")])
+
+    calls = [
+        lambda: fmu.enterInitializationMode(startTime=0.0),
+        lambda: fmu.exitInitializationMode(),
+        lambda: fmu.getFloat64([rng.choice(references)]),
+        lambda: fmu.getInt32([rng.choice(references)]),
+        lambda: fmu.setFloat64([rng.choice(references)], [number()]),
+        lambda: states.append(fmu.getFMUState()),
+        lambda: states and fmu.setFMUState(rng.choice(states)),
+        lambda: fmu.reset(),
+        lambda: fmu.terminate(),
+    ]
+    if kind == "CoSimulation":
+        calls += [lambda: fmu.doStep(fmu.getFloat64([0])[0], rng.choice([0.1, 0.5, -1.0, float("nan")]))] * 4
+    else:
+        calls += [
+            lambda: fmu.enterEventMode(),
+            lambda: fmu.updateDiscreteStates(),
+            lambda: fmu.enterContinuousTimeMode(),
+            lambda: fmu.setTime(3 * rng.random()),
+            lambda: fmu.setContinuousStates((c_double * 2)(number(), number()), 2),
+            lambda: fmu.getContinuousStateDerivatives(given, 2),
+            lambda: fmu.getEventIndicators(given, 2),
+            lambda: fmu.completedIntegratorStep(),
+        ] * 2
+    return rng.choice(calls)
+
+
+@pytest.mark.parametrize("kind", ["ModelExchange", "CoSimulation"])
+def test_calls_in_any_order_get_a_status(made, kind: str) -> None:
+    """Also those with values that are no numbers, and of states that are restored elsewhere: nothing crashes."""
+    from fmpy.fmi1 import FMICallException
+
+    path = made["Ball"][1]
+    references = [v.valueReference for v in fmpy.read_model_description(str(path)).modelVariables]
+    answered = refused = 0
+    for seed in range(6):
+        rng, states = random.Random(seed), []
+        fmu, _ = instance(path, kind)
+        for _ in range(60):
+            try:
+                any_call(fmu, references, states, rng, kind)()
+                answered += 1
+            except FMICallException:
+                refused += 1
+        fmu.freeInstance()
+    assert answered > 30 and refused > 30
