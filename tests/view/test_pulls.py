@@ -143,10 +143,12 @@ STRING = """
 model M
   Fixed wall;
   Cable string(L = 1);
+  Damper damper(c = 0.8);
   Mass body(m = 2, g = 9.81, q(start = 0.7, fixed = true), v(start = 0, fixed = true));
   HAND
 equation
   connect(wall.flange, string.a); connect(string.b, body.flange);
+  connect(wall.flange, damper.a); connect(damper.b, body.flange);
   CONNECTED
   annotation(experiment(StopTime = 2));
 end M;
