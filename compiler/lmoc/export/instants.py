@@ -6,7 +6,7 @@ is computed at instants only.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from lmoc.support.records import dataclass
 
 OPS = ("gt", "ge", "floor")
 NONE = np.zeros(0, int)
+Positions = Callable[[np.ndarray], np.ndarray]  # of variables, among the discrete ones; -1 of others
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +173,7 @@ def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float]) -> In
     assigned = np.concatenate([NONE, *(positions(s.target) for s in plan.reduced.discrete if s.relation < 0)])
     first_read, reads = _reads(plan, positions)
     reinits, more = _reinits(own, events, positions)
-    ends, endings = _told(own, [(e.guard, e.slots, False, lambda _, e=e: e.message) for e in events.terminations])
+    ends, endings = _told(own, [(e.guard, e.slots, False, _same(e.message)) for e in events.terminations])
     at_events = [c for c in flat.checks if c.at_events]
     checks, judging = _told(own, [(c.condition, c.slots, c.error, _message(flat, c)) for c in at_events])
     lines, slope, offset = _lines(own, events, layout)
@@ -234,7 +235,7 @@ def _lines(own: _Layout, events: Events, layout: EventLayout | None) -> tuple[Pr
     return tuple(steps), np.concatenate(slopes), np.concatenate(offsets)
 
 
-def _reinits(own: _Layout, events: Events, positions) -> tuple[np.ndarray, Program]:
+def _reinits(own: _Layout, events: Events, positions: Positions) -> tuple[np.ndarray, Program]:
     states = {int(r): k for k, r in enumerate(own.plan.states)}
     rows, steps = [np.zeros((4, 0), int)], []
     for r in events.reinits:
@@ -245,7 +246,9 @@ def _reinits(own: _Layout, events: Events, positions) -> tuple[np.ndarray, Progr
     return np.concatenate(rows, axis=1), tuple(steps)
 
 
-def _told(own: _Layout, rows) -> tuple[Told, Program]:
+def _told(
+    own: _Layout, rows: Iterable[tuple[Expr, np.ndarray, bool, Callable[[int], str]]]
+) -> tuple[Told, Program]:
     """Return conditions with their texts, and the steps that compute them."""
     steps, places, errors, texts = [], [NONE], [], []
     for condition, table, error, message in rows:
@@ -255,6 +258,10 @@ def _told(own: _Layout, rows) -> tuple[Told, Program]:
         errors += [error] * len(table)
         texts += [message(row) for row in range(len(table))]
     return Told(np.concatenate(places), np.array(errors, int), tuple(texts)), tuple(steps)
+
+
+def _same(text: str) -> Callable[[int], str]:
+    return lambda _: text
 
 
 def _message(flat: FlatDAE, check: Check) -> Callable[[int], str]:
@@ -276,7 +283,7 @@ def _watched(own: _Layout, flat: FlatDAE) -> tuple[Told, list[np.ndarray], np.nd
     return told, reads, np.concatenate(found), (*steps, *more)
 
 
-def _reads(plan: Plan, positions) -> tuple[np.ndarray, np.ndarray]:
+def _reads(plan: Plan, positions: Positions) -> tuple[np.ndarray, np.ndarray]:
     """Return which discrete variables the equation of each assigned one reads, row after row."""
     first, found = [0], [NONE]
     for s in plan.reduced.discrete:
@@ -288,11 +295,12 @@ def _reads(plan: Plan, positions) -> tuple[np.ndarray, np.ndarray]:
     return np.array(first, int), np.concatenate(found)
 
 
-def _begin(own: _Layout, events: Events, positions) -> tuple[Program, np.ndarray]:
+def _begin(own: _Layout, events: Events, positions: Positions) -> tuple[Program, np.ndarray]:
     """Return what gives discrete variables with an equation at the start its value: now, and before."""
     now = dict(zip(*events.before[::-1].tolist(), strict=True)) if events.before.size else {}
     before = {v: k for k, v in now.items()}
-    steps, filled = [], []
+    steps: list[Apply] = []
+    filled: list[int] = []
     for e in events.start:
         left = e.left.op == "slot" and own.flat.kind[e.slots[0, e.left.value[0]]] == Kind.DISCRETE
         side, value = (e.left, e.right) if left else (e.right, e.left)

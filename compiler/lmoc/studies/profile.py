@@ -91,15 +91,15 @@ def profile_of(
     conditional : (k, value of k, first guess of all) -> the place where the others are as good as they can be
     """
     points, lower = [(float(best[k]), 0.0)], False
-    ends = []
+    ends = {}
     for sign, bound in ((-1.0, unknown.low), (1.0, unknown.high)):
         found, end, below = _side(k, sign, bound, best, spread, limit, conditional)
         points += [(value, sign * distance) for value, distance in found]
         lower |= below
-        ends.append(end)
+        ends[sign] = end
     points.sort()
     values, distance = np.array(points).T
-    return Profile(unknown.name, values, distance, *ends, lower)
+    return Profile(unknown.name, values, distance, ends[-1.0], ends[1.0], lower)
 
 
 def _side(

@@ -57,6 +57,13 @@ class Legs:
     out : (runs, times, n) states at the output times
     """
 
+    base: np.ndarray
+    x: np.ndarray
+    atol: np.ndarray
+    state: np.ndarray
+    times: np.ndarray
+    out: np.ndarray
+
     def __init__(
         self, system: EngineSystem, base: np.ndarray, x: np.ndarray, begin: float, end: float, times: np.ndarray,
         longest: float, patience: float, order: int | None = None, among: Legs | None = None,
