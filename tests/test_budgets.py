@@ -21,7 +21,8 @@ equation
   annotation(experiment(StopTime = 1));
 end Swing;
 """
-MADE_OF_OTHERS = {"at_start", "ensemble", "input_output_equation", "symbolic_ode"}  # every run of an ensemble has one
+# every run of an ensemble has one, and so have the run and the page of a widget
+MADE_OF_OTHERS = {"at_start", "ensemble", "input_output_equation", "symbolic_ode", "widget"}
 
 
 @pytest.fixture(autouse=True)

@@ -15,7 +15,9 @@ function render({ model, el }) {
     if (source !== frame.contentWindow || data?.lmoc !== "ran") return;
     if (known === "" && Object.keys({ ...now().values, ...now().initial }).length) return send(); // it has opened: Python's count
     const { values, initial } = data;
-    known = JSON.stringify({ values, initial });
+    const text = JSON.stringify({ values, initial });
+    if (text === known) return; // it runs with what it has been sent
+    known = text;
     model.set("values", values);
     model.set("initial", initial);
     model.save_changes();
