@@ -233,6 +233,25 @@ STUDY = ["study", "swing.lmo", "--sample", "k~uniform(2,8)", "--runs", "200", "-
          "--seed", "5", "--workers", "1"]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (["--sample", "k~uniform(2,8)", "--store", "taken.csv"], "E0623", "it is a file, and a store is a folder"),
+        (["--sample", "k~uniform(2,8)", "--store", "odd", "--resume"], "E0623", "'study.json' in it"),
+        (["--sample", "k~uniform(2,8)", "--sample", "k~normal(3,1)"], "E0621", "'k' has more than one distribution"),
+    ],
+)
+def test_a_store_or_a_sample_that_cannot_be_used_is_explained(tmp_path, monkeypatch, capsys, words, code, told):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "swing.lmo").write_text(SWING)
+    (tmp_path / "taken.csv").write_text("t\n")
+    (tmp_path / "odd").mkdir()
+    (tmp_path / "odd" / "study.json").write_text("not json")
+    assert main(["study", "swing.lmo", "--runs", "3", *words]) == 2
+    found = capsys.readouterr().err
+    assert f"error[{code}]" in found and told in " ".join(found.split()) and "Errno" not in found
+
+
 def test_a_study_that_is_killed_goes_on_to_the_same_bits(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "swing.lmo").write_text(SWING)

@@ -78,6 +78,10 @@ def execute(arguments: argparse.Namespace) -> int:
             check_target(path, endings)
     if not arguments.sample:
         raise UsageError([Diagnostic("E0620", "there is nothing to vary", hint="--sample 'k~normal(30,3)'")])
+    names = [name for name, _ in arguments.sample]
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise UsageError([Diagnostic("E0621", f"--sample: '{twice[0]}' has more than one distribution")])
     keep = [name.strip() for words in arguments.keep or () for name in split(words, ",") if name.strip()]
     with Progress(not arguments.quiet) as progress, _workers(arguments.workers) as workers:
         dae = compiled(arguments, progress)

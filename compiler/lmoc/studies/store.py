@@ -45,13 +45,16 @@ class Store:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             kept = json.loads(target.read_text(encoding="utf-8")) if target.exists() else None
-        except (OSError, ValueError) as error:
-            raise _refusal("E0623", f"'{folder}' cannot be used as a store: {error}") from None
+        except OSError as error:
+            reason = "it is a file, and a store is a folder" if self.folder.is_file() else error.strerror
+            raise _refusal("E0623", f"'{folder}' cannot be used as a store: {reason}") from None
+        except ValueError as error:
+            raise _refusal("E0623", f"'{folder}' cannot be used as a store: 'study.json' in it: {error}") from None
         if kept is None:
             written(target, lambda beside: beside.write_text(json.dumps(about, indent=1), encoding="utf-8"))
         elif kept != about:
             other = [name for name in about if kept.get(name) != about[name]]
-            message = f"'{folder}' holds runs with another {' and '.join(other)}"
+            message = f"'{folder}' holds runs that differ in: {', '.join(other)}"
             raise _refusal("E0667", message, "take another folder, or the values and options of the runs that it holds")
 
     def _file(self, k: int) -> Path:
