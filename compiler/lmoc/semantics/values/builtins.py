@@ -162,6 +162,9 @@ def _homotopy(context: Context, call: tree.Call) -> Value:
     actual = call.arguments[:1] or tuple(e for name, e in call.named if name == "actual")
     if not actual:
         raise Wrong("E0217", "'homotopy' needs an actual expression", call.span)
+    message = "the start is found with the actual expression alone: 'simplified' chooses no solution"
+    hint = "where there are several, a start value near the one that is meant chooses it"
+    context.model.say_once("N0249", message, call.span, hint=hint)
     return context.value(actual[0])
 
 
