@@ -69,7 +69,6 @@ def test_the_run_follows_the_values(dae) -> None:
 def test_a_slider_that_is_moved_is_read_by_python(dae) -> None:
     widget = dae.widget(stop=1)
     seen = open_page(around(widget), READY + """
-        await until(() => saved.length > 0); // the page has opened
         const field = slider();
         field.value = "20";
         field.dispatchEvent(new Event("change"));
@@ -91,5 +90,20 @@ def test_a_value_set_in_python_moves_the_slider(dae) -> None:
         const told = saved.length;
         await frames(30);
         return [model.get("values"), saved.length - told];
+    """)  # fmt: skip
+    assert seen.answer == [{"k": 13}, 0]
+
+
+@needs_browser
+def test_a_run_from_before_is_no_change(dae) -> None:
+    """Values set in Python while the page answers others stay; so do those that were set before it has opened."""
+    seen = open_page(around(dae.widget(stop=1)), """
+        await frames(0);
+        model.python("values", { k: 9 });""" + READY + """
+        await until(() => slider().value === "9");
+        for (const k of [11, 12, 13]) model.python("values", { k });
+        await until(() => slider().value === "13");
+        await frames(30);
+        return [model.get("values"), saved.length];
     """)  # fmt: skip
     assert seen.answer == [{"k": 13}, 0]

@@ -5,19 +5,24 @@ function render({ model, el }) {
   Object.assign(frame.style, { width: "100%", height: "760px", border: "1px solid #ddd" });
   const now = () => ({ values: model.get("values"), initial: model.get("initial") });
   let known = ""; // what the page has told: not to be sent back
+  let sent = 0; // times that Python's values have been sent
+  const post = () => frame.contentWindow?.postMessage({ lmoc: "set", order: sent, ...now() }, "*");
   const send = () => {
     const text = JSON.stringify(now());
     if (text === known) return;
     known = text;
-    frame.contentWindow?.postMessage({ lmoc: "set", ...now() }, "*");
+    sent++;
+    post();
   };
   const heard = ({ source, data }) => {
     if (source !== frame.contentWindow || data?.lmoc !== "ran") return;
     if (known === "" && Object.keys({ ...now().values, ...now().initial }).length) return send(); // it has opened: Python's count
-    const { values, initial } = data;
+    const { values, initial, order } = data;
+    if (sent && !order) return post(); // it has not been open when they were sent
+    if (order < sent) return; // a run from before Python's values: theirs is under way
     const text = JSON.stringify({ values, initial });
-    if (text === known) return; // it runs with what it has been sent
     known = text;
+    if (text === JSON.stringify(now())) return; // it runs with what Python has
     model.set("values", values);
     model.set("initial", initial);
     model.save_changes();
