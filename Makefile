@@ -51,6 +51,7 @@ grammar: $(VENV)/.installed-test
 docs: $(VENV)/.installed
 	@$(BIN)/python docs/make_diagnostics.py
 	@$(BIN)/python docs/make_modelica.py
+	@$(BIN)/python editors/tree-sitter/make_grammar.py
 	@$(BIN)/python docs/make_library.py
 	@$(BIN)/lmoc run $(DEMO) --quiet --plot docs/suspension.png
 	@$(BIN)/python docs/make_pictures.py
