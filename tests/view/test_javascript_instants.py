@@ -69,12 +69,15 @@ def test_restitution_that_follows_from_a_slider():
     assert again.events[0]["energy_lost"] == pytest.approx(50 * (1 - 0.5**2), rel=1e-9)
 
 
-def test_bounces_without_loss_end_with_those_of_others():
-    run = lmoc.compile_text(STACKED).simulate(stop=2.0, points=5)
+@pytest.mark.parametrize("restitution", ["1", "0.9999999999999999", "0.999999999"])
+def test_bounces_without_loss_end_with_those_of_others(restitution):
+    text = STACKED.replace("e = 1)", f"e = {restitution})")
+    run = lmoc.compile_text(text).simulate(stop=2.0, points=5)
     (again,) = repeat([(run, write_script(run.trajectory), [])])
     assert again.complete, again.reason
     assert [e["kind"] for e in again.events[-2:]] == ["accumulation", "contact"]
     assert abs(len(again.events) - len(run.events)) < 20
+    assert max(e["time"] for e in again.events) == pytest.approx(1.81050526, abs=1e-6)
 
 
 def test_a_windlass_lowers_and_lifts_a_load():

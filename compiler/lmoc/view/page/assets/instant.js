@@ -3,6 +3,8 @@
 import { putSolutions, solutionsOf } from "./blocks.js";
 import { filled, zeroMatrix } from "./matrix.js";
 
+const LOSSLESS = 1e-6; // of a rate, in a bounce
+
 export class ContactKinematics {
   /** `scene` evaluates; `scene.data.laws` says where the quantities of the laws stand among the registers. */
   constructor(scene) {
@@ -12,7 +14,8 @@ export class ContactKinematics {
     const { unilateral, complementary, dry, contact, degree, normal } = own;
     const impulsive = complementary.map((c, k) => c && degree[k] === 2);
     const restitution = own.restitution.map((register) => (register < 0 ? 0 : scene.w[register]));
-    this.table = { unilateral, complementary, dry, contact, degree, normal, impulsive, restitution };
+    const lossless = restitution.map((e) => e > 1 - LOSSLESS); // or so near to it that its bounces are no series that ends
+    this.table = { unilateral, complementary, dry, contact, degree, normal, impulsive, restitution, lossless };
   }
 
   /** The registers of a mode that keeps the velocities `still` at zero; without one all laws are open. */

@@ -141,7 +141,7 @@ function behindImpact(kinematics, now, striking, impact) {
  */
 function lastBounces(table, now, mode, left, trigger) {
   const e = table.restitution;
-  const leaving = left.map((l, k) => l && trigger.closing[k] && e[k] > 0 && e[k] < 1);
+  const leaving = left.map((l, k) => l && trigger.closing[k] && e[k] > 0 && !table.lossless[k]);
   if (!leaving.some(Boolean)) return [leaving, -Infinity];
   const reached = table.impulsive.map((i, k) => i && !leaving[k]);
   const resting = candidates(table, now, reached, filled(e.length, 0));
@@ -160,8 +160,8 @@ function lastBounces(table, now, mode, left, trigger) {
 function lastElastic(table, now, mode, touching, least, trigger) {
   const e = table.restitution;
   const leaving = touching.map((s, k) => s && now.rate[k] > least[k]);
-  const taking = indices(touching.map((s, k) => s && e[k] < 1));
-  const isElastic = (k) => leaving[k] && trigger.closing[k] && e[k] >= 1 && taking.some((j) => now.delassus[k][j] !== 0);
+  const taking = indices(touching.map((s, k) => s && !table.lossless[k]));
+  const isElastic = (k) => leaving[k] && trigger.closing[k] && table.lossless[k] && taking.some((j) => now.delassus[k][j] !== 0);
   const elastic = indices(leaving).filter(isElastic);
   if (elastic.length === 0) return filled(e.length, false);
   const resting = candidates(table, now, touching.map((s, k) => s && !leaving[k]), filled(e.length, 0));
