@@ -19,8 +19,9 @@ from lmoc.semantics.drafts.draft import Drafts, equality
 from lmoc.semantics.events.whens import ASSIGNED, WhenEquation, both, guarded_check
 from lmoc.semantics.mistakes.wrong import Exhausted, Wrong
 from lmoc.semantics.nodes.instance import Instance, Variable
-from lmoc.semantics.values.algorithms import Algorithm, LocalVariable
+from lmoc.semantics.values.algorithms import Algorithm
 from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.formals import LocalVariable
 from lmoc.semantics.values.functions import call_all
 from lmoc.semantics.values.reference import all_subscripts, named_variable
 from lmoc.semantics.values.translate import choose, continuous, sizes_differ
@@ -176,8 +177,7 @@ class _Section(Algorithm):
             raise Wrong("E0230", f"part of '{name}' is assigned: one element at a time is available", target.span,
                         hint="give every dimension a subscript, in a 'for' loop")  # fmt: skip
         if subscripts:
-            places = [self.context.whole(self.context.value(s), s.span, "a subscript", 1) - 1 for s in subscripts]
-            value = self._replaced(old, places, value, target)
+            value = self._replaced(old, subscripts, value, name, span, lambda _, new: new)
         if old.dims != value.dims:
             raise sizes_differ(f"'{name}' and what is assigned", old.dims, value.dims, span)
         self.values[name] = value

@@ -25,7 +25,6 @@ from lmoc.semantics.mistakes.wrong import (
     check_size,
 )
 from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable
-from lmoc.semantics.nodes.records import field_of
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.functions import call_all
@@ -80,8 +79,7 @@ class EquationSection:
         if isinstance(e.left, tree.Tuple):
             self._several(context, e)
             return
-        if self._records(outer, e):
-            return
+        self._refuse_connectors(outer, e)
         try:
             left, right = context.value(e.left), context.value(e.right)
         except RowsDiffer as differ:
@@ -93,31 +91,27 @@ class EquationSection:
             return
         self._equate(context, left, right, e)
 
-    def _records(self, context: Context, e: tree.Equality) -> bool:
-        """Two records are equal field by field. False where the sides are no records."""
-        if not isinstance(e.left, tree.Ref) or not isinstance(e.right, tree.Ref):
-            return False
-        nodes = [find_start(context, ref) for ref in (e.left, e.right)]
-        if not all(isinstance(n, Instance) for n in nodes):
-            return False
-        left, right = (locate(context, ref, n).node for ref, n in zip((e.left, e.right), nodes))
-        if all(isinstance(n, Instance) and n.connector for n in (left, right)):
+    def _refuse_connectors(self, context: Context, e: tree.Equality) -> None:
+        """Two connectors are no records that could be equal."""
+        refs = [ref for ref in (e.left, e.right) if isinstance(ref, tree.Ref)]
+        starts = [(ref, start) for ref in refs if isinstance(start := find_start(context, ref), Instance)]
+        nodes = [locate(context, ref, start).node for ref, start in starts]
+        if len(nodes) == 2 and all(isinstance(n, Instance) and n.connector for n in nodes):
             raise Wrong("E0301", "connectors are connected, not equated", e.span,
                         hint=f"write connect({e.left}, {e.right})")  # fmt: skip
-        if not all(isinstance(n, Instance) and n.kind == "record" for n in (left, right)):
-            return False
-        if set(left.children) != set(right.children):
-            raise Wrong("E0301", "the two records have different fields", e.span,
-                        expected=", ".join(left.children), found=", ".join(right.children))  # fmt: skip
-        for name in left.children:
-            self.equality(context, replace(e, left=field_of(e.left, name), right=field_of(e.right, name)))
-        return True
 
     def _equate(self, context: Context, left: Value, right: Value, e: tree.Equality) -> None:
         if left.dims != right.dims:
             raise sizes_differ("the two sides", left.dims, right.dims, e.span)
+        if left.fields is not None and right.fields is not None:
+            if set(left.fields) != set(right.fields):
+                raise Wrong("E0301", "the two records have different fields", e.span,
+                            expected=", ".join(left.fields), found=", ".join(right.fields))  # fmt: skip
+            for name, field in left.fields.items():
+                self._equate(context, field, right.fields[name], e)
+            return
         numbers = {"Real", "Integer"}
-        if left.type != right.type and not {left.type, right.type} <= numbers:
+        if left.type != right.type and not {left.type, right.type} <= numbers or left.fields or right.fields:
             raise Wrong("E0301", f"{left.type} cannot equal {right.type}", e.span,
                         expected=left.type, found=right.type)  # fmt: skip
         self.groups.extend(equality(context, left, right, e.span, self.node))

@@ -162,9 +162,17 @@ class Tuple(Node):
     span: Span
 
 
+@node
+class Field(Node):
+    """A field of the record that an expression gives: no syntax, but what the value of a record says of a field."""
+    record: Expression
+    name: str
+    span: Span
+
+
 Expression = (
     Number | String | Boolean | Ref | Unary | Binary | If | Call | Comprehension | Range | Array | Matrix
-    | Colon | EndSubscript | Tuple
+    | Colon | EndSubscript | Tuple | Field
 )  # fmt: skip
 
 # -------------------------------------------------------------- modifications

@@ -36,9 +36,10 @@ def resolve(found: Place | Builtin) -> Resolved:
         extended = _extended_builtin(found)
         if extended is None:
             break
-        clause, builtin = extended
+        clause, inherited = extended
         steps.append((tree.ShortClass(clause.base, (), clause.modification, "", clause.span), found))
-        found = builtin
+        steps += inherited.steps
+        found = inherited.base
     return Resolved(found, tuple(steps), name, kind)
 
 
@@ -51,7 +52,7 @@ def _constraints(scope: Place) -> Iterator[tuple[tree.ShortClass, Place]]:
     yield from scope.constraints
 
 
-def _extended_builtin(scope: Place) -> tuple[tree.Extends, Builtin] | None:
+def _extended_builtin(scope: Place) -> tuple[tree.Extends, Resolved] | None:
     if scope.definition is None or scope.kind not in ("type", "connector"):
         return None
-    return next(((c, b.base) for c, b in scope.bases if isinstance(b.base, Builtin)), None)
+    return next(((c, b) for c, b in scope.bases if isinstance(b.base, Builtin)), None)

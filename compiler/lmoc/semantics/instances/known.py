@@ -12,7 +12,7 @@ from lmoc.semantics.mistakes.wrong import NotKnown, Wrong
 from lmoc.semantics.nodes.instance import Binding, Variable
 from lmoc.semantics.nodes.overrides import element_positions, other_type
 from lmoc.semantics.values.context import Context, Model
-from lmoc.semantics.values.value import Value, from_numbers
+from lmoc.semantics.values.value import Value, from_numbers, record
 from lmoc.syntax import tree
 
 ElementValues = Mapping[tuple[str, ...], Sequence[tuple[tuple, float]]]
@@ -113,14 +113,21 @@ class KnownValues:
             self._open_constants.append(expression)
             try:
                 context = Context(self._model, None, scope)
-                value = context.value(expression)
-                if value.type != "String":
-                    numbers = context.alike(value, expression.span, f"the constant '{component.name}'")
-                    value = from_numbers(numbers, value.type)
+                value = _in_numbers(context, context.value(expression), expression, component.name)
             finally:
                 self._open_constants.pop()
             found = self._constants[id(expression)] = value
         return found
+
+
+def _in_numbers(context: Context, value: Value, expression: tree.Expression, name: str) -> Value:
+    """The value of a constant, as numbers that do not depend on where it was computed."""
+    if value.fields is not None:
+        fields = {n: _in_numbers(context, field, expression, name) for n, field in value.fields.items()}
+        return record(fields, value.dims, value.type)
+    if value.type == "String":
+        return value
+    return from_numbers(context.alike(value, expression.span, f"the constant '{name}'"), value.type)
 
 
 def at_events_only(variable: Variable, hint: str = "", found: str = "") -> NotKnown:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
-from lmoc.messages.diagnostics import nearest
 from lmoc.semantics.classes.place import Member
-from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Modifier
@@ -48,31 +45,6 @@ def _settled(member: Member) -> bool:
     return component.variability == "constant" and member.value[0] is not None
 
 
-def leaf_fields(cls: Scope, prefix: str = "") -> Iterator[tuple[str, Member, Builtin]]:
-    """The fields of a record that are no records themselves, by dotted name, with their types."""
-    for name, member in cls.table.items():
-        if isinstance(member, Member):
-            base = member.scope.type_of(member.component).base
-            if isinstance(base, Builtin):
-                yield f"{prefix}{name}", member, base
-            else:
-                yield from leaf_fields(base, f"{prefix}{name}.")
-
-
-def argument_fields(name: str, cls: Scope, expression: tree.Expression) -> Iterator[tuple[str, tree.Expression]]:
-    """A record given as the argument of a function: what each of its fields is given, by dotted name."""
-    members = {n: m for n, m in cls.table.items() if isinstance(m, Member)}
-    for field, value in _field_values(name, cls, given_fields(cls), expression).items():
-        if field not in members:
-            raise Wrong("E0217", f"the record '{cls.name}' has no field '{field}'", expression.span,
-                        hint=nearest(field, members))  # fmt: skip
-        base = members[field].scope.type_of(members[field].component).base
-        if isinstance(base, Builtin):
-            yield f"{name}.{field}", value
-        else:
-            yield from argument_fields(f"{name}.{field}", base, value)
-
-
 def _field_values(name: str, cls: Scope, fields: list[str], expression: tree.Expression) -> dict[str, tree.Expression]:
     if isinstance(expression, tree.Ref):
         return {field: field_of(expression, field) for field in fields}
@@ -85,6 +57,7 @@ def _field_values(name: str, cls: Scope, fields: list[str], expression: tree.Exp
                 raise Wrong("E0206", f"'{field}' is {kind} in the record '{cls.name}' and cannot be given",
                             value.span)  # fmt: skip
         return dict(zip(fields, expression.arguments)) | dict(expression.named)
-    later = isinstance(expression, tree.Call | tree.If | tree.Array)  # these could give a record
-    code = "E0230" if later else "E0301"
-    raise Wrong(code, f"'{name}' is a record: its value can be another record, or {cls.name}(…)", expression.span)
+    if isinstance(expression, tree.Number | tree.String | tree.Boolean):
+        raise Wrong("E0301", f"'{name}' is a record: its value can be another record, or {cls.name}(…)",
+                    expression.span)  # fmt: skip
+    return {field: tree.Field(expression, field, expression.span) for field in fields}

@@ -9,32 +9,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.mistakes.wrong import Exhausted, OutOfRange, Wrong, check_size
+from lmoc.semantics.mistakes.wrong import Exhausted, NotAlike, Wrong
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
-from lmoc.semantics.values.dimensions import length
+from lmoc.semantics.values.formals import LocalVariable, in_order_of_use, mismatch, nothing
+from lmoc.semantics.values.reference import Slice, subscript
+from lmoc.semantics.values.rows import Index
 from lmoc.semantics.values.translate import changes, choose, sizes_differ, warn_kink
-from lmoc.semantics.values.value import Value, number, stack
+from lmoc.semantics.values.value import Value, number, record, stack
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
-from lmoc.syntax.node import walk
 
 MAX_ITERATIONS = 10_000
-
-
-@dataclass(frozen=True)
-class LocalVariable:
-    """A declared variable of a function."""
-
-    member: Member
-    type: str
-    role: str  # input, output, "" for a local one
 
 
 _RETURNED, _BROKEN = "return;", "break;"  # whether that has been met, beside the values: no variable has these names
@@ -107,18 +101,10 @@ class Algorithm:
         self._store(body.target or name_ref(outputs[0], body.span), handler(self.context, call), body.span)
 
     def _initialize(self, name: str, variable: LocalVariable) -> None:
-        component = variable.member.component
         value = self.default(variable.member)
+        if value is None:
+            value = nothing(self.context, variable, self.function)
         if value is not None:
-            self.values[name] = value
-        elif component.dimensions:
-            what = f"the size of '{name}'"
-            sizes = [d for d in component.dimensions if not isinstance(d, tree.Colon)]
-            dims = [length(self.context, d, what) for d in sizes]
-            check_size(math.prod(dims), f"'{name}'", component.span)
-            value = number(float("nan"), variable.type)  # used before it is assigned: found where it is used
-            for size in reversed(dims):
-                value = stack([value] * size, value.dims, value.type)
             self.values[name] = value
 
     def _statements(self, statements: tuple[tree.Statement, ...]) -> None:
@@ -184,42 +170,89 @@ class Algorithm:
     def _store(self, target: tree.Ref, value: Value, span: Span) -> None:
         name = target.parts[0].name
         variable = self.declared.get(name)
-        if variable is None or len(target.parts) > 1:
+        if variable is None or (len(target.parts) > 1 and variable.record is None):
             raise Wrong("E0201", f"'{target}' is not a variable of the function", target.span,
                         hint=nearest(name, self.declared))  # fmt: skip
         if variable.role == "input":
             raise Wrong("E0222", f"the input '{name}' cannot be assigned", span)
-        if value.type != variable.type and (variable.type, value.type) != ("Real", "Integer"):
-            raise Wrong("E0301", f"'{name}' is of type {variable.type}", span, expected=variable.type, found=value.type)
-        subscripts = target.parts[0].subscripts
-        if not subscripts:
+        if len(target.parts) == 1 and not target.parts[0].subscripts:
+            self._check_type(name, mismatch(variable, value), span)
             old = self.values.get(name)
-            if old is not None and old.dims != value.dims and not _open_size(variable):
+            if old is not None and old.dims != value.dims and not variable.open_size:
                 raise sizes_differ(f"'{name}' and what is assigned", old.dims, value.dims, span)
             self.values[name] = value
             return
         if name not in self.values:
             raise Wrong("E0216", f"'{name}' is not an array that has been given a size", target.span)
-        places = []
-        for subscript in subscripts:
-            index = self.context.value(subscript)
-            if index.type == "Boolean":
-                places.append(int(self.context.scalar(index, subscript.span, "a subscript")))
-            else:
-                places.append(self.context.whole(index, subscript.span, "a subscript", 1) - 1)
-        self.values[name] = self._replaced(self.values[name], places, value, target)
+        self.values[name] = self._with_part(self.values[name], target.parts, 0, value, span)
 
-    def _replaced(self, array: Value, places: list[int], value: Value, target: tree.Ref) -> Value:
-        if not places:
+    def _check_type(self, name: str, wrong: tuple[str, str] | None, span: Span) -> None:
+        if wrong is not None:
+            raise Wrong("E0301", f"'{name}' is of type {wrong[0]}", span, expected=wrong[0], found=wrong[1])
+
+    def _with_part(self, old: Value, parts: tuple[tree.RefPart, ...], k: int, value: Value, span: Span) -> Value:
+        """The value of ``parts[k]`` after ``parts[k][…].parts[k + 1]… := value``."""
+        part = parts[k]
+        if part.subscripts and len(part.subscripts) != len(old.dims):
+            count = len(old.dims)
+            raise Wrong("E0216", f"'{part.name}' has {count} dimension{'s' * (count != 1)}", part.span,
+                        expected=f"{count} subscripts", found=str(len(part.subscripts)))  # fmt: skip
+
+        def inside(element: Value, new: Value) -> Value:
+            return self._inside(element, parts, k, new, span)
+
+        return self._replaced(old, part.subscripts, value, part.name, span, inside)
+
+    def _inside(self, old: Value, parts: tuple[tree.RefPart, ...], k: int, value: Value, span: Span) -> Value:
+        """An element of ``parts[k]`` after the assignment: the value itself, or a record with one field changed."""
+        if k + 1 == len(parts):
+            if old.fields is None and value.fields is None:
+                fits = value.type == old.type or (old.type, value.type) == ("Real", "Integer")
+                self._check_type(parts[k].name, None if fits else (old.type, value.type), span)
+            elif set(old.fields or ()) != set(value.fields or ()):
+                self._check_type(parts[k].name, (old.type, value.type), span)
+            if old.dims != value.dims:
+                raise sizes_differ(f"'{parts[k].name}' and what is assigned", old.dims, value.dims, span)
             return value
-        if not array.dims:
-            raise Wrong("E0216", f"'{target.parts[0].name}' has fewer dimensions", target.span)
-        if not 0 <= places[0] < array.dims[0]:
-            message = f"index {places[0] + 1} of '{target.parts[0].name}' is out of range"
-            raise OutOfRange("E0215", message, target.span, expected=f"1 … {array.dims[0]}")
+        name = parts[k + 1].name
+        if old.fields is None or name not in old.fields:
+            raise Wrong("E0201", f"'{parts[k].name}' has no element '{name}'", parts[k + 1].span,
+                        hint=nearest(name, old.fields or ()))  # fmt: skip
+        field = self._with_part(old.fields[name], parts, k + 1, value, span)
+        return record({**old.fields, name: field}, old.dims, old.type)
+
+    def _replaced(
+        self,
+        array: Value,
+        subscripts: tuple[tree.Expression, ...],
+        value: Value,
+        name: str,
+        span: Span,
+        inside: Callable[[Value, Value], Value],
+    ) -> Value:
+        """The array with the elements that subscripts mean replaced by what `inside` makes of them and the value."""
+        if not subscripts:
+            return inside(array, value)
+        where = subscript(self.context, subscripts[0], array.dims[0], name)
         items = self.context.arrays.elements(array)
-        items[places[0]] = self._replaced(items[places[0]], places[1:], value, target)
-        return stack(items)
+        if isinstance(where, Slice):
+            places = [int(k) for k in where.index.reshape(-1)]
+            if not value.dims or value.dims[0] != len(places):
+                raise sizes_differ(f"'{name}' and what is assigned", (len(places),), value.dims, span)
+            parts = self.context.arrays.elements(value)
+        else:
+            places, parts = [self._place(where, subscripts[0])], [value]
+        for place, part in zip(places, parts, strict=True):
+            items[place] = self._replaced(items[place], subscripts[1:], part, name, span, inside)
+        return stack(items, array.dims[1:], array.type)
+
+    def _place(self, where: Index, subscript: tree.Expression) -> int:
+        """A position that is the same in all rows."""
+        if isinstance(where, int):
+            return where
+        if np.any(where != where.flat[0]):
+            raise NotAlike("a subscript", subscript.span)
+        return int(where.flat[0])
 
     def _if(self, s: tree.IfStatement) -> None:
         """Each branch runs on a copy of the values; where the condition is open, if-expressions join them."""
@@ -346,45 +379,6 @@ class Algorithm:
         raise Wrong("E0222", f"this 'while' does not end within {MAX_ITERATIONS} iterations", s.condition.span)
 
 
-def in_order_of_use(function: Scope, declared: dict[str, LocalVariable]) -> list[str]:
-    """Return the variables of a function so that each comes after those that its declaration uses (12.4.4).
-
-    Raises
-    ------
-    Wrong
-        E0207 where the declarations use each other in a circle.
-    """
-    order: list[str] = []
-    path: list[str] = []
-
-    def visit(name: str) -> None:
-        if name in order:
-            return
-        variable = declared[name]
-        if name in path:
-            cycle = [*path[path.index(name) :], name]
-            raise Wrong("E0207", f"the value of '{name}' depends on itself", variable.member.component.span,
-                        found=" → ".join(cycle))  # fmt: skip
-        path.append(name)
-        value, scope = variable.member.value
-        own_sizes = list(walk(variable.member.component.dimensions))
-        own = scope.definition is not None and function.is_made_of(scope)
-        for used in walk((*variable.member.component.dimensions, *((value,) if own and value else ()))):
-            if isinstance(used, tree.Ref) and used.parts[0].name in declared:
-                if used.parts[0].name == name and variable.role == "input" and used in own_sizes:
-                    continue  # a size that uses another one of the same argument: A[:, size(A, 1)]
-                visit(used.parts[0].name)
-        order.append(path.pop())
-
-    for name in declared:
-        visit(name)
-    return order
-
-
 def name_ref(name: str, span: Span) -> tree.Ref:
     """A reference to a name, in the place of something else."""
     return tree.Ref((tree.RefPart(name, (), span),), False, span)
-
-
-def _open_size(variable: LocalVariable) -> bool:
-    return any(isinstance(d, tree.Colon) for d in variable.member.component.dimensions)

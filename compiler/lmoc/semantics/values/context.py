@@ -161,6 +161,8 @@ class Context:
         """The numbers of a value that must be known when compiling, over the axes of the space and then its own."""
         if value.type == "String":
             raise Wrong("E0301", f"{what} must be a number, not a text", span)
+        if value.fields is not None:
+            raise Wrong("E0301", f"{what} must be a number, not a record", span, found=value.type)
         if any(dag.depends_on_time(piece.expr) for _, piece in self.arrays.pieces(value)):
             raise NotKnown("E0211", f"{what} must be known when compiling, but depends on time", span)
 

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from lmoc.messages.diagnostics import nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.hints import visible
 from lmoc.semantics.classes.place import Member
-from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.mistakes.wrong import NoClass, NotAClass, OutOfRange, Wrong
-from lmoc.semantics.nodes.records import argument_fields, leaf_fields
-from lmoc.semantics.values.algorithms import Algorithm, LocalVariable, in_order_of_use
+from lmoc.semantics.values.algorithms import Algorithm
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.context import Context, translates
-from lmoc.semantics.values.dimensions import DimensionType, dimension_type, length
+from lmoc.semantics.values.dimensions import DimensionType, dimension_type
+from lmoc.semantics.values.formals import declared_in, has_gap, in_order_of_use, mismatch, sizes
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.unit_inference import has_unit
-from lmoc.semantics.values.value import Arrays, Value, number
+from lmoc.semantics.values.value import Arrays, Value, number, record, stack
 from lmoc.syntax import tree
 
 # what other languages have, and how it is written here
@@ -88,7 +86,7 @@ def _find(context: Context, e: tree.Call) -> Scope:
         known = f"it is called '{last}'" if last in BUILTIN_FUNCTIONS else FOREIGN_FUNCTIONS.get(last)
         hint = known or nearest(last, [*functions, *BUILTIN_FUNCTIONS])
         raise Wrong("E0203", f"there is no function '{name}'", e.function.span, hint=hint) from None
-    if not _is_function(base):
+    if not _is_function(base) and not (isinstance(base, Scope) and base.kind == "record"):
         kind = base.kind if isinstance(base, Scope) else "type"
         raise Wrong("E0203", f"'{e.function}' is a {kind}, not a function", e.function.span)
     if base.definition.partial:
@@ -98,6 +96,16 @@ def _find(context: Context, e: tree.Call) -> Scope:
 
 def _is_function(found) -> bool:
     return isinstance(found, Scope) and found.kind == "function"
+
+
+def _with_lead(value: Value, lead: tuple[int, ...]) -> Value:
+    """A result of a call that was made for all elements of arrays at once, with the dimensions of these."""
+    if not lead:
+        return value
+    if value.fields is not None:
+        fields = {name: _with_lead(field, lead) for name, field in value.fields.items()}
+        return record(fields, lead + value.dims, value.type)
+    return Value(value.expr, lead + value.dims, value.type, value.items)
 
 
 class _Body:
@@ -112,58 +120,49 @@ class _Body:
             raise Wrong("E0226", f"the function '{function.name}' cannot have equations", equations[0].span,
                         hint="write 'algorithm' instead of 'equation', and ':=' instead of '='")  # fmt: skip
         self.values: dict[str, Value] = {}
-        self.records: dict[str, Scope] = {}  # inputs that are records: what they are
-        self.declared: dict[str, LocalVariable] = {}
-        for name, member in function.table.items():
-            if isinstance(member, Member):
-                self._declare(name, member)
+        self.makes_record = resolve(function).base.kind == "record"
+        self.declared = declared_in(function)
         self.caller = context
         self.context = context.inside_function(function, self.values)
         self.context.depth = context.depth + 1
         if self.context.depth > MAX_DEPTH:
             raise Wrong("E0222", f"the function '{function.name}' calls itself endlessly", e.span)
 
-    def _declare(self, name: str, member: Member) -> None:
-        """A variable; a record that is an input becomes one for each of its fields."""
-        base = resolve(member.scope.find_class(member.component.type)).base
-        role = member.component.causality
-        if isinstance(base, Builtin):
-            self.declared[name] = LocalVariable(member, base.name, role)
-            return
-        if base.kind != "record" or role != "input" or member.component.dimensions:
-            raise Wrong("E0230", "functions take records, but work with numbers and arrays so far",
-                        member.component.span)  # fmt: skip
-        self.records[name] = base
-        for field, inner, type_ in leaf_fields(base):
-            self.declared[f"{name}.{field}"] = LocalVariable(inner, type_.name, role)
-
     def run(self) -> list[Value]:
         """Bind the arguments, run the algorithm, collect the results."""
-        inputs = self._inputs()
+        return self._applied(self._inputs())
+
+    def _applied(self, inputs: dict[str, Value]) -> list[Value]:
         lead = self._lead(inputs)
+        if lead and any(not v.uniform or v.fields is not None for v in inputs.values()):
+            return self._one_by_one(inputs, lead[0])
+        self.values.clear()
         for name, value in inputs.items():
             self.values[name] = Value(value.expr, value.dims[len(lead) :], value.type) if lead else value
         for name in inputs:
             self._check_size(name)
         Algorithm(self.function, self.call, self.declared, self.values, self.context, call_all,
                   self._default).run()  # fmt: skip
-        outputs = []
-        for name, variable in self.declared.items():
-            if variable.role == "output":
-                if name not in self.values or self._has_gap(self.values[name]):
-                    raise Wrong("E0222", f"the function '{self.function.name}' gives '{name}' no value",
-                                variable.member.component.span)  # fmt: skip
-                value = self.values[name]
-                if name not in self.records and self._has_unit(name):
-                    value = self._of_any_unit(value)  # in the declared unit: from_degC gives K
-                outputs.append(Value(value.expr, lead + value.dims, value.type, value.items) if lead else value)
-        return outputs
+        if self.makes_record:
+            found = record({name: self.values[name] for name in self.declared}, (), resolve(self.function).base.name)
+            return [_with_lead(found, lead)]
+        return [_with_lead(self._output(n), lead) for n, v in self.declared.items() if v.role == "output"]
 
-    def _has_gap(self, value: Value) -> bool:
-        """Return whether an element of an array has never been assigned."""
-        if value.items is not None:
-            return any(self._has_gap(item) for item in value.items)
-        return value.expr is not None and value.expr.is_const and math.isnan(value.expr.value)
+    def _one_by_one(self, inputs: dict[str, Value], count: int) -> list[Value]:
+        """Results of a call with arrays whose elements are different expressions, for each element by itself."""
+        arrays, results = self.caller.arrays, []
+        longer = {n for n, v in inputs.items() if len(v.dims) > len(self.declared[n].dimensions)}
+        for k in range(count):
+            self.caller.model.rounds.spend(5, self.call.span)
+            results.append(self._applied({n: arrays.element(v, k) if n in longer else v for n, v in inputs.items()}))
+        return [stack(items) for items in zip(*results)]
+
+    def _output(self, name: str) -> Value:
+        if name not in self.values or has_gap(self.values[name]):
+            raise Wrong("E0222", f"the function '{self.function.name}' gives '{name}' no value",
+                        self.declared[name].member.component.span)  # fmt: skip
+        value = self.values[name]
+        return self._of_any_unit(value) if self._has_unit(name) else value  # in the declared unit: from_degC gives K
 
     # ------------------------------------------------------------------ arguments
 
@@ -199,25 +198,27 @@ class _Body:
 
     def _formal(self) -> list[str]:
         """The names of the inputs, in their order."""
-        members = self.function.table.items()
-        return [n for n, m in members if isinstance(m, Member) and m.component.causality == "input"]
+        return [name for name, variable in self.declared.items() if variable.role == "input"]
 
     def _arguments(self) -> Iterator[tuple[str, tree.Expression]]:
-        """Return the argument for each input, records field by field."""
+        """Return the argument for each input that is given one."""
         names, e = self._formal(), self.call
         if len(e.arguments) > len(names):
             raise Wrong("E0217", f"'{self.function.name}' is called with {len(e.arguments)} arguments", e.span,
                         expected=", ".join(names) or "none", found=str(len(e.arguments)))  # fmt: skip
         for name, argument in [*zip(names, e.arguments), *e.named]:
             if name not in names:
+                if name in self.declared and self.makes_record:
+                    kind = "final" if self.declared[name].member.component.final else "a constant"
+                    raise Wrong("E0206", f"'{name}' is {kind} in the record '{self.function.name}' and cannot be given",
+                                argument.span)  # fmt: skip
                 raise Wrong("E0217", f"'{self.function.name}' has no argument '{name}'", e.span,
                             hint=nearest(name, names))  # fmt: skip
-            if name in self.records:
-                yield from argument_fields(name, self.records[name], argument)
-            else:
-                yield name, argument
+            yield name, argument
 
     def _has_unit(self, name: str) -> bool:
+        if self.declared[name].record is not None:
+            return True
         component = self.declared[name].member.component
         arguments = component.modification.arguments if component.modification else ()
         return str(component.type) != "Real" or any(getattr(a, "name", ()) == ("unit",) for a in arguments)
@@ -230,20 +231,16 @@ class _Body:
         return Value(value.expr * leaves.slot(None, 1.0), value.dims, value.type)
 
     def _check_type(self, name: str, value: Value, span: Span) -> None:
-        expected = self.declared[name].type
-        if value.type != expected and (expected, value.type) != ("Real", "Integer"):
-            raise Wrong("E0301", f"the argument '{name}' of '{self.function.name}' must be of type {expected}", span,
-                        expected=expected, found=value.type)  # fmt: skip
+        wrong = mismatch(self.declared[name], value)
+        if wrong is not None:
+            raise Wrong("E0301", f"the argument '{name}' of '{self.function.name}' must be of type {wrong[0]}", span,
+                        expected=wrong[0], found=wrong[1])  # fmt: skip
 
     def _check_size(self, name: str) -> None:
         """An array must be as large as its input is declared, where that is not left open."""
-        declared = self.declared[name].member.component.dimensions
         found = self.values[name].dims
-        what = f"the size of '{name}'"
-        expected = tuple(
-            n if isinstance(d, tree.Colon) else length(self.context, d, what)
-            for d, n in zip(declared, found)
-        )
+        declared = sizes(self.context, self.declared[name], self.function)
+        expected = tuple(n if size is None else size for size, n in zip(declared, found))
         if found != expected:
             raise Wrong("E0302", f"the argument '{name}' of '{self.function.name}' has the wrong size", self.call.span,
                         expected=dims_text(expected), found=dims_text(found))  # fmt: skip
@@ -252,16 +249,18 @@ class _Body:
         """Dimensions by which arguments exceed the declared ones: the call is then made element by element (12.4.6)."""
         lead: tuple[int, ...] = ()
         for name, value in inputs.items():
-            more = len(value.dims) - len(self.declared[name].member.component.dimensions)
+            more = len(value.dims) - len(self.declared[name].dimensions)
             if more < 0 or (more and lead and value.dims[:more] != lead):
                 raise Wrong("E0302", f"the argument '{name}' of '{self.function.name}' has the wrong size",
                             self.call.span, found=dims_text(value.dims))  # fmt: skip
             lead = value.dims[:more] or lead
         if not lead:
             return ()
-        if any(not v.uniform or (v.dims and v.dims[: len(lead)] != lead) for v in inputs.values()):
-            raise Wrong("E0230", "a function is applied to arrays of variables so far, not to arrays of expressions",
-                        self.call.span, hint="write {f(x[i]) for i in 1:n}")  # fmt: skip
+        if any(not v.uniform or v.fields is not None for v in inputs.values()):
+            return lead
+        if any(v.dims and v.dims[: len(lead)] != lead for v in inputs.values()):
+            message = "a function is applied element by element: its other arguments are single values so far"
+            raise Wrong("E0230", message, self.call.span, hint="write {f(x[i], y) for i in 1:n}")
         space = self.caller.space
         for n in lead:
             space = space.with_axis(n)

@@ -21,7 +21,7 @@ from lmoc.semantics.mistakes.wrong import NoElement, NotAlike, NotKnown, NotKnow
 from lmoc.semantics.nodes.instance import Absent, Broken, Instance, InstanceNode, Variable
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.rows import Index, align, positions
-from lmoc.semantics.values.value import Value, number, stack
+from lmoc.semantics.values.value import Value, number, record, stack
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
@@ -70,14 +70,8 @@ def reference(context: Context, ref: tree.Ref) -> Value:
             return subscripted(context, value, last) if last.subscripts else value
         if value is not None and not any(part.subscripts for part in ref.parts[:-1]):
             return subscripted(context, value, last) if last.subscripts else value
-        fields = [name.removeprefix(f"{first.name}.") for name in context.names if name.startswith(f"{first.name}.")]
-        if (fields or first.name in context.names) and first.name not in context.assigned and not (
-            set(f"{first.name}.{field}" for field in fields) & context.assigned
-        ):
-            if len(ref.parts) == 1:
-                raise Wrong("E0301", f"'{first.name}' is a record, not a number", ref.span)
-            hint = nearest(ref.parts[1].name, fields) or (f"it has {', '.join(fields)}" if fields else "")
-            raise Wrong("E0201", f"'{first.name}' has no element '{ref.parts[1].name}'", ref.parts[1].span, hint=hint)
+        if first.name in context.names and first.name not in context.assigned:
+            return _field_of_value(context, ref)
     start = find_start(context, ref)
     if isinstance(start, InstanceNode):
         return located_value(context, locate(context, ref, start), ref.span)
@@ -86,6 +80,22 @@ def reference(context: Context, ref: tree.Ref) -> Value:
             return Value(TIME)
         raise unknown_name(context, ref)
     return _constant(context, start, ref)
+
+
+def _field_of_value(context: Context, ref: tree.Ref, k: int = 0, value: Value | None = None) -> Value:
+    """``r.a[2].b``, where the parts up to `k` have led to a record, the value of a name or a constant."""
+    value = context.names[ref.parts[0].name] if value is None else value
+    while True:
+        part = ref.parts[k]
+        value = subscripted(context, value, part) if part.subscripts else value
+        if k + 1 == len(ref.parts):
+            return value
+        k, part = k + 1, ref.parts[k + 1]
+        if value.fields is None or part.name not in value.fields:
+            fields = tuple(value.fields or ())
+            hint = nearest(part.name, fields) or (f"it has {', '.join(fields)}" if fields else "")
+            raise Wrong("E0201", f"'{ref.parts[k - 1].name}' has no element '{part.name}'", part.span, hint=hint)
+        value = value.fields[part.name]
 
 
 def all_subscripts(context: Context, ref: tree.Ref) -> tuple[tree.Expression, ...]:
@@ -279,6 +289,8 @@ def align_slice(index: np.ndarray, rank: int, place: int, slices: int) -> np.nda
 def located_value(context: Context, located: Located, span: Span) -> Value:
     """The value of a variable's elements."""
     node = located.node
+    if isinstance(node, Instance) and node.kind == "record":
+        return _record(context, located, span)
     if not isinstance(node, Variable):
         kind = "connector" if isinstance(node, Instance) and node.connector else "part"
         raise Wrong("E0301", f"'{node.name}' is a {kind}, not a variable", span)
@@ -286,6 +298,19 @@ def located_value(context: Context, located: Located, span: Span) -> Value:
         return _string(context, node, span)
     value = Value(context.leaves.slot(node, element_index(context, located)), located.dims, node.type.name)
     return value if node.kind != Kind.INPUT or node.type.name == "Real" else _sampled(context, value)
+
+
+def _record(context: Context, located: Located, span: Span) -> Value:
+    """A record, or an array of records, as a value: those of its fields."""
+    node, fields = located.node, {}
+    for name, member in node.cls.table.items():
+        child = context.model.child(node, name) if isinstance(member, Member) else None
+        if isinstance(child, Broken):
+            raise Wrong()
+        if child is not None and not isinstance(child, Absent):
+            axes = (*located.axes, *(Slice(positions((n,))) for n in child.dims))
+            fields[name] = located_value(context, replace(located, node=child, axes=axes), span)
+    return record(fields, located.dims, node.cls.name)
 
 
 def _sampled(context: Context, value: Value) -> Value:
@@ -313,10 +338,7 @@ def _constant(context: Context, found: Member | Scope | Builtin, ref: tree.Ref) 
         if k:
             found = _inside(found, part)
         if isinstance(found, Member):
-            if k < len(ref.parts) - 1:
-                raise Wrong("E0201", f"'{part.name}' cannot be used from here", part.span)
-            value = _member_value(context, found, part)
-            return subscripted(context, value, part) if part.subscripts else value
+            return _field_of_value(context, ref, k, _member_value(context, found, part))
         if isinstance(found, Value):
             return found
     hint = nearest(ref.parts[-1].name, _variables(context, False))
@@ -345,6 +367,9 @@ def _member_value(context: Context, member: Member, part: tree.RefPart) -> Value
         raise Wrong("E0201", f"'{part.name}' cannot be used from here: only constants of a class can", part.span)
     expression, scope = member.value
     if expression is None:
+        if isinstance(member.scope.type_of(component).base, Scope):
+            raise Wrong("E0230", f"the constant '{component.name}' is a record that is given field by field",
+                        component.span, hint="give it a value with the constructor of the record")  # fmt: skip
         raise Wrong("E0212", f"the constant '{component.name}' has no value", component.span)
     return context.model.known.constant(component, expression, scope)
 

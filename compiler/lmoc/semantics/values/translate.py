@@ -14,7 +14,7 @@ from lmoc.messages.source import Span
 from lmoc.semantics.mistakes.wrong import OutOfRange, RowsDiffer, Wrong
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import align
-from lmoc.semantics.values.value import Value, common_type, number, stack, text
+from lmoc.semantics.values.value import Value, common_type, number, record, stack, text
 from lmoc.syntax import tree
 
 ARITHMETIC: dict[str, Callable[[Expr, Expr], Expr]] = {
@@ -48,6 +48,15 @@ def _end(context: Context, e: tree.EndSubscript) -> Value:
     if context.end is None:
         raise Wrong("E0301", "'end' has a meaning only in a subscript", e.span)
     return number(context.end, "Integer")
+
+
+@translates(tree.Field)
+def _field(context: Context, e: tree.Field) -> Value:
+    value = context.value(e.record)
+    found = None if value.fields is None else value.fields.get(e.name)
+    if found is None:
+        raise Wrong("E0301", f"a record with the field '{e.name}' is needed here", e.span, found=value.type)
+    return found
 
 
 @translates(tree.Colon, tree.Tuple)
@@ -151,6 +160,9 @@ def _matrix_power(context: Context, e: tree.Binary, base: Value, exponent: Value
 
 
 def _relation(context: Context, e: tree.Binary, left: Value, right: Value) -> Value:
+    for side, place in ((left, e.left), (right, e.right)):
+        if side.fields is not None:
+            raise Wrong("E0301", f"'{e.op}' compares single values, not records", place.span, found=side.type)
     if left.dims or right.dims:
         raise Wrong("E0301", f"'{e.op}' compares single values, not arrays", e.span)
     if left.type == right.type == "String":
@@ -195,9 +207,9 @@ def sizes_differ(what: str, left: tuple[int, ...], right: tuple[int, ...], span:
 def changes(context: Context, *values: Value) -> bool:
     """Return whether a value changes in time: it depends on a variable, an input or time."""
     for value in values:
-        for scalar in value.items if value.items is not None else ():
-            if changes(context, scalar):
-                return True
+        inside = (*(value.items or ()), *(value.fields or {}).values())
+        if inside and changes(context, *inside):
+            return True
         if value.expr is not None and (
             dag.depends_on_time(value.expr)
             or any(
@@ -321,6 +333,13 @@ def choose(context: Context, condition: Value, then: Value, otherwise: Value, sp
         if changes(context, condition):
             raise sizes_differ("the branches of an if-expression", then.dims, otherwise.dims, span)
         return then if context.scalar(condition, span, "the condition") else otherwise
+    if then.fields is not None and otherwise.fields is not None and set(then.fields) == set(otherwise.fields):
+        pairs = {name: (field, otherwise.fields[name]) for name, field in then.fields.items()}
+        chosen = {name: choose(context, condition, *pair, span) for name, pair in pairs.items()}
+        return record(chosen, then.dims, then.type)
+    if then.fields is not None or otherwise.fields is not None:
+        raise Wrong("E0301", "the branches of an if-expression differ in type", span,
+                    expected=then.type, found=otherwise.type)  # fmt: skip
     types = {then.type, otherwise.type}
     if len(types) > 1 and not types <= {"Real", "Integer"}:
         raise Wrong("E0301", "the branches of an if-expression differ in type", span,

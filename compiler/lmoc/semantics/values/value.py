@@ -15,18 +15,20 @@ class Value:
     """The meaning of an expression over the rows of a space.
 
     Either *uniform*: one shape for all array elements, whose columns have the array's axes behind those of the space;
-    or *stacked*: one value for each position along the first array axis. A `String` is known when compiling.
+    or *stacked*: one value for each position along the first array axis. A `String` is known when compiling. A record
+    has a value for each of its fields; those of an array of records have its dimensions before their own.
 
     Attributes
     ----------
     expr : the shape, None where stacked or a String
     dims : array dimensions
     items : values along the first axis, None where uniform
-    type : Real, Integer, Boolean, String, or the name of an enumeration
+    type : Real, Integer, Boolean, String, or the name of an enumeration or a record
     text : of a String
+    fields : of a record, by name; None where it is none
     """
 
-    __slots__ = ("expr", "dims", "items", "type", "text")
+    __slots__ = ("expr", "dims", "items", "type", "text", "fields")
 
     def __init__(self, expr: Expr | None, dims: tuple[int, ...] = (), type: str = "Real", items=None, text: str = ""):
         self.expr = expr
@@ -34,6 +36,7 @@ class Value:
         self.type = type
         self.items = items
         self.text = text
+        self.fields: dict[str, Value] | None = None
 
     @property
     def uniform(self) -> bool:
@@ -53,8 +56,18 @@ def text(value: str) -> Value:
     return Value(None, (), "String", text=value)
 
 
+def record(fields: dict[str, Value], dims: tuple[int, ...], type: str) -> Value:
+    """A record, or an array of records, from its fields."""
+    made = Value(None, dims, type)
+    made.fields = fields
+    return made
+
+
 def stack(items: list[Value] | tuple[Value, ...], dims: tuple[int, ...] = (), type: str = "") -> Value:
     """An array from its elements along a new first axis; `dims` and `type` of an element where there are none."""
+    if items and items[0].fields is not None:
+        fields = {name: stack([item.fields[name] for item in items]) for name in items[0].fields}
+        return record(fields, (len(items), *items[0].dims), type or items[0].type)
     inner = items[0].dims if items else dims
     return Value(None, (len(items), *inner), type or common_type(items), tuple(items))
 
@@ -91,6 +104,9 @@ class Arrays:
         """The part of an array at a position (from 0) of its first axis."""
         if value.items is not None:
             return value.items[position]
+        if value.fields is not None:
+            fields = {name: self.element(field, position) for name, field in value.fields.items()}
+            return record(fields, value.dims[1:], value.type)
         return Value(self._map_columns(value.expr, lambda a: self._take(a, position)), value.dims[1:], value.type)
 
     def _take(self, array, position: int):
@@ -126,8 +142,11 @@ class Arrays:
         return [s for item in self.elements(value) for s in self.scalars(item)]
 
     def pieces(self, value: Value, at: tuple[int, ...] = ()) -> Iterator[tuple[tuple[int, ...], Value]]:
-        """Uniform values with the positions along the first axes that they belong to."""
-        if value.uniform:
+        """Uniform values with the positions along the first axes that they belong to; a record's are its fields'."""
+        if value.fields is not None:
+            for field in value.fields.values():
+                yield from self.pieces(field, at)
+        elif value.uniform:
             yield at, value
         else:
             for j, item in enumerate(value.items):
