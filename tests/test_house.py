@@ -50,7 +50,7 @@ INSIDE = {
     ),
     "semantics": (
         "mistakes", "classes", "nodes", "values", "drafts", "connections", "assembly", "instances", "events",
-        "equations", "algorithms", "flatten",
+        "equations", "algorithms", "topology", "flatten",
     ),
     "numerics": (
         "limits", "options", "solve", "signals", "plan", "problem", "dop853", "sundials", "evaluate", "observe",

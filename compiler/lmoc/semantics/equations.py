@@ -11,7 +11,8 @@ import numpy as np
 from lmoc.messages.diagnostics import nearest
 from lmoc.semantics.assembly.laws import add_law, law_function, misplaced
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.drafts.draft import ConnectDraft, Drafts, GroupDraft, equality
+from lmoc.semantics.connections.overdetermined import GRAPH_STATEMENTS, overdetermined_record
+from lmoc.semantics.drafts.draft import ConnectDraft, Drafts, GroupDraft, RootDraft, equality
 from lmoc.semantics.events.branches import conditional
 from lmoc.semantics.events.whens import STATEMENTS, WhenEquation, guarded_check
 from lmoc.semantics.mistakes.wrong import (
@@ -33,6 +34,7 @@ from lmoc.semantics.values.translate import MAX_UNROLLED, changes, dims_text, si
 from lmoc.semantics.values.value import Value, number
 from lmoc.support.sizes import WRITTEN_OUT
 from lmoc.syntax import tree
+from lmoc.syntax.node import walk
 
 
 class EquationSection:
@@ -44,20 +46,25 @@ class EquationSection:
         self.groups = drafts.initial if initial else drafts.groups
         self.initial = initial
         self.quiet = int(initial)  # relations at the start make no events
+        self.topology_only = False  # what says how parts are connected; mistakes are passed over
         self.trying = 0  # loops around that can be unrolled if their rows do not make one group
 
     def add(self, context: Context, equation: tree.Equation) -> None:
         """Translate one equation; what is wrong with it is reported, and it is left out."""
+        if self.topology_only and not _says_topology(equation):
+            return
         try:
             _KINDS[type(equation)](self, context, equation)
         except NotOneGroup as wrong:
             if self.trying:
                 raise
-            wrong.put_into(context.model.report)
+            if not self.topology_only:
+                wrong.put_into(context.model.report)
         except Exhausted:
             raise
         except Wrong as wrong:
-            wrong.put_into(context.model.report)
+            if not self.topology_only:
+                wrong.put_into(context.model.report)
 
     def _fresh(self, context: Context) -> Context:
         """The same place with columns of its own, the iteration variables among them."""
@@ -319,6 +326,9 @@ class EquationSection:
             self._law(outer, function, e)
             return
         name = str(e.call.function)
+        if name in GRAPH_STATEMENTS:
+            self._graph_statement(outer, e.call)
+            return
         if name in ("reinit", "terminate"):
             raise Wrong("E0252", f"'{name}' happens at an instant: it belongs in a 'when'", e.span,
                         expected=f"when … then {name}(…); end when;")  # fmt: skip
@@ -328,6 +338,27 @@ class EquationSection:
         context = self._fresh(outer)
         context.quiet = 1  # a check is not integrated over
         self.drafts.checks.append(guarded_check(context, e))
+
+    def _graph_statement(self, outer: Context, call: tree.Call) -> None:
+        """``Connections.root(a.R)``, ``Connections.potentialRoot(a.R, priority)``, ``Connections.branch(a.R, b.R)``."""
+        kind = call.function.parts[-1].name
+        context, arguments = self._fresh(outer), list(call.arguments)
+        priority, given = 0, dict(call.named)
+        if kind == "potentialRoot" and (len(arguments) == 2 or "priority" in given):
+            second = arguments.pop() if len(arguments) == 2 else given.pop("priority")
+            priority = context.whole(context.value(second), second.span, "the priority of a root")
+        if given or len(arguments) != (2 if kind == "branch" else 1):
+            takes = "two records" if kind == "branch" else "a record"
+            raise Wrong("E0217", f"'{call.function}' takes {takes}", call.span)
+        ends = [self._overdetermined(context, one, call) for one in arguments]
+        (left, at), (right, there) = ends[0], ends[-1]
+        self.drafts.roots.append(
+            RootDraft(kind, left, at, right if kind == "branch" else None, there, priority, call.span)
+        )
+
+    def _overdetermined(self, context: Context, e: tree.Expression, call: tree.Call) -> tuple[Instance, np.ndarray]:
+        node, index = overdetermined_record(context, e, call)
+        return node, _spread_rows(index, context.space.shape)
 
     def _law(self, outer: Context, function: Scope, e: tree.CallEquation) -> None:
         if self.initial:
@@ -339,6 +370,14 @@ class EquationSection:
         if self.initial:
             raise Wrong("E0252", "'when' is not allowed in an initial equation: it acts after the start", e.span)
         WhenEquation(self.drafts, self.node, self._fresh(outer), e).add()
+
+
+def _says_topology(equation: tree.Equation) -> bool:
+    """Return whether an equation says, or has one inside that says, how parts are connected."""
+    return any(
+        isinstance(n, tree.Connect) or (isinstance(n, tree.CallEquation) and str(n.call.function) in GRAPH_STATEMENTS)
+        for n in walk((equation,))
+    )
 
 
 _KINDS = {

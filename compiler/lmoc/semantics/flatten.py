@@ -28,6 +28,7 @@ from lmoc.semantics.classes.looks import Looks
 from lmoc.semantics.classes.vendor import vendor_entry
 from lmoc.semantics.connections.balance import check_balance, check_connectors
 from lmoc.semantics.connections.connect import balances, collect, equalities, unconnected
+from lmoc.semantics.connections.overdetermined import graph, residue_groups
 from lmoc.semantics.drafts.draft import Drafts, GroupDraft, without_ones
 from lmoc.semantics.drafts.long_sums import LongSums
 from lmoc.semantics.drafts.unit_check import check_units, report_unknown_units
@@ -43,6 +44,7 @@ from lmoc.semantics.mistakes.wrong import NoModel, SeveralModels, Wrong
 from lmoc.semantics.nodes.class_check import check_classes
 from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable, root_instance
 from lmoc.semantics.nodes.overrides import Overrides
+from lmoc.semantics.topology import Topology
 from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
 from lmoc.semantics.values import texts as _texts  # noqa: F401  registers String
 from lmoc.semantics.values import variable_subscripts as _names  # noqa: F401  registers that of names
@@ -163,6 +165,7 @@ class _Flattening:
             span = root.children["ledger"].name_span
             self.report.error("E0204", "'ledger' is the name of the energy ledger that every model has", span)
         self.layout = lay_out(root)
+        model.topology = Topology(model)
         self._mark_discrete()
         settle_computed(model, root.variables())
         settle_from_start(model, root.variables())
@@ -170,17 +173,31 @@ class _Flattening:
             declare(model, self.drafts, variable)
         for instance in root.instances():
             self._equations(instance)
+        try:
+            model.topology.check(self.drafts)
+        except Wrong as wrong:
+            wrong.put_into(self.report)
         settle_explicit(self.drafts)
         report_unknown_units(self.layout.variables, self.report)
         check_units(self.drafts, self.report, self.own)
         for drafts in (self.drafts.groups, self.drafts.initial, self.drafts.bindings, self.drafts.starts):
             drafts[:] = map(without_ones, drafts)
-        self.connections = collect(self.drafts.connects, self.layout.count, self.report)
+        self.connections = collect(self.drafts.connects, self.layout.count, self.report, self._break_loops())
         self.drafts.checks += self.connections.equal
         given = {id(v) for draft in self.drafts.groups for v, _ in draft.columns}
         for variable in root.variables():  # with an equation for its flow, a node needs no other
             variable.is_node = variable.is_node and id(variable) not in given
         self.report.check()  # what follows needs all equations
+
+    def _break_loops(self) -> dict[tuple[int, int], set[int]]:
+        """Add what loops of overdetermined connectors say, and return which equations of theirs are left out for it."""
+        try:
+            found = graph(self.drafts.connects, self.drafts.roots)
+            self.drafts.groups += residue_groups(self.model, found, self.drafts.connects)
+        except Wrong as wrong:
+            wrong.put_into(self.report)
+            return {}
+        return found.left_out
 
     def _mark_discrete(self) -> None:
         """Mark variables assigned in when-equations as discrete (3.8.4), and those of reinit as states (4.4.4.2)."""
@@ -264,7 +281,7 @@ class _Flattening:
     def _check_balance(self) -> None:
         if self.report.errors:
             return  # equations are missing because they are wrong
-        check_connectors(self.model.root.instances(), self.report)
+        check_connectors(self.model.root.instances(), self.model)
         if not self.report.errors:
             check_balance(self.layout.instances, self.drafts, self.connections, self.layout.variables, self.report)
 

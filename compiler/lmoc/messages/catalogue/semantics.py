@@ -334,4 +334,15 @@ SEMANTICS: dict[str, Entry] = {
         "A connection of signals has one source: the output of a part, or an input of the class itself. Everything\n"
         "else in it takes the signal.",
     ),
+    "E0316": Entry(
+        "orientation without a root",
+        "Records with an `equalityConstraint` in connectors, such as orientations, depend on each other: each tree of\n"
+        "connected ones begins at a root, of which the part says `Connections.root(frame.R)`, or may begin at one, of\n"
+        "which it says `Connections.potentialRoot(frame.R)`.",
+    ),
+    "E0317": Entry(
+        "branches that are no tree",
+        "`Connections.branch(a.R, b.R)` says that a part computes one record from the other. Branches join neither\n"
+        "two records that say `Connections.root(…)` nor the ends of a row of branches: a connect closes a circle.",
+    ),
 }

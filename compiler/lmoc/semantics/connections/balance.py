@@ -19,13 +19,16 @@ from lmoc.messages.source import Span
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.connections.components import components
 from lmoc.semantics.connections.connect import Connections, Edges
+from lmoc.semantics.connections.overdetermined import constraint_of, residues
 from lmoc.semantics.drafts.draft import Drafts
 from lmoc.semantics.nodes.instance import Instance, Variable
+from lmoc.semantics.values.context import Model
 from lmoc.support.distinct import distinct
 
 
-def check_connectors(instances: Sequence[Instance], report: Report) -> None:
-    """A connector has as many flows as potentials."""
+def check_connectors(instances: Sequence[Instance], model: Model) -> None:
+    """A connector has as many flows as potentials; an overdetermined record counts as its residues (9.4)."""
+    report = model.report
     seen: set[int] = set()
     for instance in instances:
         if not instance.connector or id(instance.cls) in seen:
@@ -35,6 +38,9 @@ def check_connectors(instances: Sequence[Instance], report: Report) -> None:
         size = [prod(v.total[len(instance.total) :]) for v in own]
         flows = sum(n for v, n in zip(own, size) if v.flow)
         potentials = sum(n for v, n in zip(own, size) if not v.flow and not v.causality)
+        for record in instance.children.values():
+            if constraint_of(record) is not None and not record.component.flow:
+                potentials += residues(model, record) * prod(record.total[len(instance.total) :])
         if flows != potentials:
             report.error(
                 "E0308",
@@ -87,7 +93,8 @@ def check_balance(
         around = variable.parent.owner.parent
         counts[id(around.owner)].unknowns += variable.size
         counts[id(around.owner)].inputs.append(variable)
-    silent = {id(v.parent.owner.parent.owner) for v in missing}
+    silent = {id(v.parent.owner) for v in variables if v.connector and constraint_of(v.parent) is not None}
+    silent |= {id(v.parent.owner.parent.owner) for v in missing}
     seen: set[int] = set()
     for part in parts:
         count = counts[id(part)]
@@ -120,7 +127,8 @@ def _count_equations(counts: dict[int, _Count], drafts: Drafts, taken: set[int])
         own = draft.columns[0][0] if draft.origin == "binding" else None
         if own is not None and _is_input(own) and id(own) not in taken:
             continue  # given from outside, like the input itself
-        own = draft.origin in ("sum", "argument", "condition")  # these come with a variable of their own
+        # these come with a variable of their own; those of loops of overdetermined connectors stand for others
+        own = draft.origin in ("sum", "argument", "condition", "connection")
         count.equations += draft.rows * (not own)
         if draft.origin == "binding" and draft.span is not None:
             binding = draft.columns[0][0].value

@@ -6,7 +6,7 @@ stands in at most two sets, as seen from outside its part and from inside; the t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import prod
 
 import numpy as np
@@ -61,11 +61,19 @@ class Connections:
     equal: tuple[CheckDraft, ...] = ()
 
 
-def collect(connects: list[ConnectDraft], count: int, report: Report) -> Connections:
-    """The edges of all connects; those that are wrong are reported and left out."""
+def collect(
+    connects: list[ConnectDraft], count: int, report: Report, left_out: Mapping[tuple[int, int], set[int]]
+) -> Connections:
+    """The edges of all connects; those that are wrong are reported and left out.
+
+    Parameters
+    ----------
+    left_out : (number of the connect, identity of a record in its left connector) → rows in which the record's fields
+        are not equal (`overdetermined.Graph`)
+    """
     across, through, good, equal = [], [], [], []
     signals: list[SignalEdge] = []
-    for draft in connects:
+    for k, draft in enumerate(connects):
         try:
             inside = [_seen_from_inside(end, draft) for end in (draft.left, draft.right)]
             for end, seen in zip((draft.left, draft.right), inside, strict=True):
@@ -83,13 +91,28 @@ def collect(connects: list[ConnectDraft], count: int, report: Report) -> Connect
             elif a.flow:
                 through.append((left + count * inside[0], right + count * inside[1], len(good)))
             else:
-                across.append((left, right, len(good)))
+                kept = _kept(a, draft, left_out, k)
+                across.append((left[kept], right[kept], len(good)))
             if a.causality or b.causality:
                 gives = [_gives_signal(v, seen) for v, seen in zip((a, b), inside)]
                 signals.append(SignalEdge(draft, (a, b), (left, right), tuple(gives)))
         good.append(draft)
     check_sources(signals, report)
     return Connections(tuple(good), Edges.join(across), Edges.join(through), count, tuple(equal))
+
+
+def _kept(a: Variable, draft: ConnectDraft, left_out: Mapping[tuple[int, int], set[int]], k: int) -> slice | np.ndarray:
+    """Those elements of a potential that are equal: not the fields of a record whose connect is broken."""
+    record: InstanceNode = a
+    while record is not draft.left and record.parent is not None:
+        rows = left_out.get((k, id(record)))
+        if rows is not None:
+            count = len(draft.left_index) * prod(record.total[len(draft.left.total) :])
+            kept = np.ones(count, bool)
+            kept[sorted(rows)] = False
+            return np.repeat(kept, prod(a.total[len(record.total) :]))
+        record = record.parent
+    return slice(None)
 
 
 def _same_value(

@@ -81,6 +81,19 @@ class ConnectDraft:
 
 
 @dataclass(frozen=True, eq=False)
+class RootDraft:
+    """``Connections.root(a)``, ``potentialRoot(a, priority)`` or ``branch(a, b)`` (9.4), for many rows."""
+
+    kind: str  # root, potentialRoot, branch
+    left: Instance
+    left_index: np.ndarray
+    right: Instance | None
+    right_index: np.ndarray
+    priority: int
+    span: Span
+
+
+@dataclass(frozen=True, eq=False)
 class LawDraft:
     """As `lmoc.ir.law.Laws`, with columns instead of variables; `texts` are the names of the events."""
 
@@ -123,6 +136,7 @@ class Drafts:
     nominals: list[AssignmentDraft] = field(default_factory=list)
     checks: list[CheckDraft] = field(default_factory=list)
     connects: list[ConnectDraft] = field(default_factory=list)
+    roots: list[RootDraft] = field(default_factory=list)
     laws: list[LawDraft] = field(default_factory=list)
     branches: list[GroupDraft] = field(default_factory=list)  # of if-equations, as they are written: for their units
     whens: list[ActionDraft] = field(default_factory=list)

@@ -59,6 +59,7 @@ class Elaboration:
         self.root = root
         self.long_sums = long_sums
         self.drafts = long_sums.drafts
+        self.topology: object = None  # set when all parts are made
         self.report = report
         self.known = KnownValues(self, elements)
         self._open: set[tuple[int, str]] = set()

@@ -50,6 +50,7 @@ class Model(Protocol):
     rounds: Budget
     drafts: Any
     root: Instance
+    topology: Any  # what is connected to what, once all parts are made
 
     def child(self, instance: Instance, name: str) -> InstanceNode: ...
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from lmoc.messages.diagnostics import nearest
 from lmoc.messages.source import Span
@@ -11,11 +12,13 @@ from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.mistakes.wrong import NoClass, NotAClass, OutOfRange, Wrong
+from lmoc.semantics.nodes.instance import Instance, InstanceNode
 from lmoc.semantics.values.algorithms import Algorithm
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.dimensions import DimensionType, dimension_type
 from lmoc.semantics.values.formals import declared_in, has_gap, in_order_of_use, mismatch, sizes
+from lmoc.semantics.values.reference import find_start, step
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.unit_inference import has_unit
 from lmoc.semantics.values.value import Arrays, Value, number, record, stack
@@ -50,13 +53,19 @@ def call_all(context: Context, e: tree.Call) -> list[Value]:
     name = e.function.parts[0].name
     simple = len(e.function.parts) == 1
     own = context.scope.find(name) if simple and not e.function.absolute else None
-    if not isinstance(own, Scope) and simple and name in BUILTIN_FUNCTIONS:
-        return [BUILTIN_FUNCTIONS[name](context, e)]
+    dotted = ".".join(part.name for part in e.function.parts)
+    if not isinstance(own, Scope) and (simple or name == "Connections") and dotted in BUILTIN_FUNCTIONS:
+        return [BUILTIN_FUNCTIONS[dotted](context, e)]
     enumeration = dimension_type(context, e.function) if own is None or isinstance(own, Scope) else None
     if enumeration is not None and enumeration.first == 1:
         return [_literal(context, e, enumeration)]
-    function = _find(context, e)
-    return _Body(context, function, e).run()
+    home = _part_with_function(context, e.function)
+    return _Body(context, _find(context, e, home), e, home).run()
+
+
+def apply(context: Context, function: Scope, values: list[Value], e: tree.Call) -> list[Value]:
+    """All results of a function for the values of all of its inputs, as if it were called by `e`."""
+    return _Body(context, function, e).applied(values)
 
 
 def _literal(context: Context, e: tree.Call, enumeration: DimensionType) -> Value:
@@ -72,9 +81,26 @@ def _literal(context: Context, e: tree.Call, enumeration: DimensionType) -> Valu
     return number(n, enumeration.name)
 
 
-def _find(context: Context, e: tree.Call) -> Scope:
+def _part_with_function(context: Context, name: tree.Ref) -> Instance | None:
+    """``world.gravity(…)``: the part in whose class a function stands (5.3.2); None where the name begins otherwise."""
+    if len(name.parts) < 2 or name.absolute or context.node is None:
+        return None
+    node = find_start(context, name)
+    if not isinstance(node, InstanceNode):
+        return None
+    for part in name.parts[1:-1]:
+        node = step(context, node, part)
+    if not isinstance(node, Instance):
+        raise Wrong("E0203", f"'{name}' is not a function", name.span)
+    if node.total:
+        raise Wrong("E0230", f"'{node.label}' is in an array: functions of such parts are not available yet", name.span)
+    return node
+
+
+def _find(context: Context, e: tree.Call, home: Instance | None) -> Scope:
     try:
-        found = context.scope.find_class(e.function)
+        last = replace(e.function, parts=e.function.parts[-1:])
+        found = context.scope.find_class(e.function) if home is None else home.cls.find_class(last)
         base = resolve(found).base
     except NotAClass:
         raise Wrong("E0203", f"'{e.function}' is not a function", e.function.span,
@@ -111,7 +137,7 @@ def _with_lead(value: Value, lead: tuple[int, ...]) -> Value:
 class _Body:
     """One call of a function in the making."""
 
-    def __init__(self, context: Context, function: Scope, e: tree.Call):
+    def __init__(self, context: Context, function: Scope, e: tree.Call, home: Instance | None = None):
         context.model.rounds.spend(5, e.span)  # a call costs about as much
         self.function = function
         self.call = e
@@ -123,6 +149,7 @@ class _Body:
         self.makes_record = resolve(function).base.kind == "record"
         self.declared = declared_in(function)
         self.caller = context
+        self.home = home if home is not None else context.node
         self.context = context.inside_function(function, self.values)
         self.context.depth = context.depth + 1
         if self.context.depth > MAX_DEPTH:
@@ -131,6 +158,10 @@ class _Body:
     def run(self) -> list[Value]:
         """Bind the arguments, run the algorithm, collect the results."""
         return self._applied(self._inputs())
+
+    def applied(self, values: list[Value]) -> list[Value]:
+        """As `run`, for these arguments."""
+        return self._applied(dict(zip(self._formal(), values, strict=True)))
 
     def _applied(self, inputs: dict[str, Value]) -> list[Value]:
         lead = self._lead(inputs)
@@ -193,7 +224,7 @@ class _Body:
         if self.function.is_made_of(scope):
             return self.context.value(expression)
         caller = self.caller
-        node = caller.node.around(scope) if caller.node else None
+        node = self.home.around(scope) if self.home else None
         return Context(caller.model, node, scope, caller.space, caller.leaves).value(expression)
 
     def _formal(self) -> list[str]:
