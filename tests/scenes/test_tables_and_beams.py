@@ -123,3 +123,20 @@ def test_a_massless_beam_is_a_balance():
     exact = -5 / 2 / (w**2 - 1) * (np.sin(t) - np.sin(w * t) / w)  # 2 q'' + 100 q = -0.5·10 sin t
     assert run["m.q"] == pytest.approx(exact, abs=1e-7)
     assert run["b.pivot.f"] == pytest.approx(-run["b.a.f"] - run["b.b.f"], abs=1e-10)
+
+
+def test_the_rate_of_a_curve_at_its_points():
+    """A curve has one slope where two pieces meet: there the derivative used to be that of both together."""
+    run = lmoc.compile_text("""
+      model Curve
+        parameter Real table[4, 2] = {{0, 0}, {1, 2}, {2, 5}, {3, 9}};
+        parameter Real s[4] = Tables.slopes(table);
+        Real x(start = -0.5, fixed = true);
+        Real rates[2] = {der(Tables.value(table, s, x)), der(Tables.integral(table, s, x))};
+        Real values[2] = {Tables.slope(table, s, x), Tables.value(table, s, x)};
+      equation
+        der(x) = 1;
+      end Curve;""").simulate(stop=4, points=17)
+    assert run["x"][2] == 0.0 and run["rates[1]"][2] == 1.5
+    for k in (1, 2):
+        assert run[f"rates[{k}]"] == pytest.approx(run[f"values[{k}]"], abs=1e-12)

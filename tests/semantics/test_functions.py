@@ -267,3 +267,15 @@ def test_local_variables_are_declared_in_any_order() -> None:
               model A parameter Real z = f(3); end A;"""
     assert value(flat(text), "z") == 9
     assert codes(text.replace("Real b = 2*x", "Real b = a")) == ["E0207"]
+
+
+def test_an_element_keeps_the_type_of_its_array() -> None:
+    """An Integer that has been stored in a Real array made it one of Integers, which took no Real any more."""
+    again = "for k in 1:2 loop a[k] := a[k] + x; end for; y := a[1] + a[2];"
+    assert result(f"a[1] := 0; a[2] := 1; {again}", "f(v)", "protected Real a[2];") == "v + (1 + v)"
+    assert result(f"a := {{0, 1}}; {again}", "f(v)", "protected Real a[2];") == "v + (1 + v)"
+    assert result(again, "f(v)", "protected Real a[2] = {0, 1};") == "v + (1 + v)"
+    assert "E0301" in codes(
+        "function f input Real x; output Real y; protected Integer a[2]; algorithm a[1] := x; y := a[1]; end f;"
+        "model A Real v(start = 1); Real r = f(v); equation der(v) = 1; end A;"
+    )

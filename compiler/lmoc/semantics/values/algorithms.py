@@ -20,11 +20,11 @@ from lmoc.semantics.mistakes.wrong import Exhausted, NotAlike, Wrong
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
-from lmoc.semantics.values.formals import LocalVariable, in_order_of_use, mismatch, nothing
+from lmoc.semantics.values.formals import LocalVariable, in_order_of_use, mismatch, nothing, widened
 from lmoc.semantics.values.reference import Slice, subscript
 from lmoc.semantics.values.rows import Index
 from lmoc.semantics.values.translate import changes, choose, sizes_differ, warn_kink
-from lmoc.semantics.values.value import Value, number, record, stack
+from lmoc.semantics.values.value import Value, as_real, number, record, stack
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
@@ -105,7 +105,7 @@ class Algorithm:
         if value is None:
             value = nothing(self.context, variable, self.function)
         if value is not None:
-            self.values[name] = value
+            self.values[name] = widened(variable, value) if mismatch(variable, value) is None else value
 
     def _statements(self, statements: tuple[tree.Statement, ...]) -> None:
         for k, statement in enumerate(statements):
@@ -180,7 +180,7 @@ class Algorithm:
             old = self.values.get(name)
             if old is not None and old.dims != value.dims and not variable.open_size:
                 raise sizes_differ(f"'{name}' and what is assigned", old.dims, value.dims, span)
-            self.values[name] = value
+            self.values[name] = widened(variable, value)
             return
         if name not in self.values:
             raise Wrong("E0216", f"'{name}' is not an array that has been given a size", target.span)
@@ -213,7 +213,7 @@ class Algorithm:
                 self._check_type(parts[k].name, (old.type, value.type), span)
             if old.dims != value.dims:
                 raise sizes_differ(f"'{parts[k].name}' and what is assigned", old.dims, value.dims, span)
-            return value
+            return as_real(value) if old.type == "Real" else value
         name = parts[k + 1].name
         if old.fields is None or name not in old.fields:
             raise Wrong("E0201", f"'{parts[k].name}' has no element '{name}'", parts[k + 1].span,

@@ -13,7 +13,7 @@ from lmoc.semantics.mistakes.wrong import Wrong, check_size
 from lmoc.semantics.nodes.records import given_fields
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.dimensions import length
-from lmoc.semantics.values.value import Value, number, record, stack
+from lmoc.semantics.values.value import Value, as_real, number, record, stack
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.node import walk
@@ -151,6 +151,14 @@ def mismatch(variable: LocalVariable, value: Value) -> tuple[str, str] | None:
         if wrong is not None:
             return f"{variable.type}, whose field '{name}' is {wrong[0]}", f"{value.type}, whose field is {wrong[1]}"
     return None
+
+
+def widened(variable: LocalVariable, value: Value) -> Value:
+    """Return a value that fits a variable with the variable's own type: Integers become Real where that is Real."""
+    if variable.record is None:
+        return as_real(value) if variable.type == "Real" else value
+    own = {name: widened(field, value.fields[name]) for name, field in declared_in(variable.record).items()}
+    return record(own, value.dims, value.type)
 
 
 def in_order_of_use(function: Scope, declared: dict[str, LocalVariable]) -> list[str]:

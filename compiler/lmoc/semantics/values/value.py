@@ -72,6 +72,13 @@ def stack(items: list[Value] | tuple[Value, ...], dims: tuple[int, ...] = (), ty
     return Value(None, (len(items), *inner), type or common_type(items), tuple(items))
 
 
+def as_real(value: Value) -> Value:
+    """Return Integers as Real numbers; what is Real already, as it is."""
+    if value.items is not None:
+        return stack([as_real(item) for item in value.items], value.dims[1:], "Real")
+    return Value(value.expr, value.dims, "Real") if value.type == "Integer" else value
+
+
 def from_numbers(numbers: np.ndarray, type: str = "Real") -> Value:
     """Known numbers, element by element."""
     if numbers.ndim == 0:
