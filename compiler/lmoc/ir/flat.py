@@ -223,6 +223,20 @@ class Experiment:
 
 
 @dataclass(frozen=True, eq=False)
+class Simplified:
+    """A model with a way to its start: the same variables, and equations with ``homotopy(actual, simplified)``.
+
+    Attributes
+    ----------
+    flat : the model with ``w*actual + (1 - w)*simplified`` in the place of each homotopy
+    weight : the parameter w; the model that is run is that with w = 1
+    """
+
+    flat: FlatDAE
+    weight: int
+
+
+@dataclass(frozen=True, eq=False)
 class FlatDAE:
     """The flat model.
 
@@ -249,6 +263,7 @@ class FlatDAE:
     experiment: Experiment = Experiment()
     overrides: Mapping[str, float] = field(default_factory=dict)  # values the caller gave before flattening
     notes: tuple[Diagnostic, ...] = ()  # warnings and notes of the stages so far
+    simplified: Simplified | None = None  # None: there is no homotopy in it
 
     # ------------------------------------------------------------ counts and kinds
 

@@ -9,7 +9,7 @@ from functools import reduce
 import numpy as np
 
 from lmoc.expression import dag
-from lmoc.ir.flat import Block, FlatDAE, Group, Kind, StateSelect
+from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind, Simplified, StateSelect
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
 from lmoc.semantics.algorithms import add_algorithm, assigned_at_events
@@ -29,7 +29,7 @@ from lmoc.semantics.classes.vendor import vendor_entry
 from lmoc.semantics.connections.balance import check_balance, check_connectors
 from lmoc.semantics.connections.connect import balances, collect, equalities, unconnected
 from lmoc.semantics.connections.overdetermined import graph, residue_groups
-from lmoc.semantics.drafts.draft import Drafts, GroupDraft, without_ones
+from lmoc.semantics.drafts.draft import Drafts, GroupDraft, with_one, without_ones
 from lmoc.semantics.drafts.long_sums import LongSums
 from lmoc.semantics.drafts.unit_check import check_units, report_unknown_units
 from lmoc.semantics.equations import EquationSection
@@ -49,6 +49,7 @@ from lmoc.semantics.values import functions as _functions  # noqa: F401  registe
 from lmoc.semantics.values import texts as _texts  # noqa: F401  registers String
 from lmoc.semantics.values import variable_subscripts as _names  # noqa: F401  registers that of names
 from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.helpers import WEIGHT
 from lmoc.semantics.values.reference import named_variable
 from lmoc.sources.packages import Folder
 from lmoc.support.distinct import distinct
@@ -127,8 +128,11 @@ class _Flattening:
         sliders = sliders_of(model, layout.variables, layout.instances)
         blocks = make_blocks(layout, sliders) + ([literals] if literals else [])
         kinds = np.repeat(np.array([b.kind for b in blocks], np.uint8), [b.size for b in blocks])
+        written = self.drafts.groups, self.drafts.initial
+        self._take_actual()
         groups = assembler.groups(self.drafts.groups)
-        groups += self._connections(kinds)
+        connections = self._connections(kinds)
+        groups += connections
         self._check_balance()
         bindings = assembler.literal_values() + assembler.assignments(self.drafts.bindings)
         bindings = self.overrides.apply(bindings, root)
@@ -153,7 +157,26 @@ class _Flattening:
             overrides=dict(self.overrides.given),
             notes=tuple(d for d in self.report.diagnostics if d.severity != "error"),
         )
-        return with_events(flat, self.drafts, assembler, self.report)
+        if self._weight is None:
+            return with_events(flat, self.drafts, assembler, self.report)
+        groups, initial = (assembler.groups(drafts) for drafts in written)
+        other = replace(flat, groups=(*groups, *connections, *entries.groups), initial_groups=tuple(initial))
+        weight = self._weight.offset
+        found = with_events(_with_constant(flat, weight, 1.0), self.drafts, assembler, self.report)
+        return replace(found, simplified=Simplified(with_events(other, self.drafts, assembler, Report()), weight))
+
+    @property
+    def _weight(self) -> Variable | None:
+        """The weight of the actual expressions of homotopies, which is 1 in a run."""
+        return self.drafts.helpers.single.get(WEIGHT)
+
+    def _take_actual(self) -> None:
+        """Leave homotopies with their actual expressions."""
+        weight, drafts = self._weight, self.drafts
+        if weight is not None:
+            for name in ("groups", "initial", "bindings", "starts", "fixed", "nominals", "checks", "reinits",
+                         "terminations"):  # fmt: skip
+                setattr(drafts, name, [with_one(draft, weight) for draft in getattr(drafts, name)])
 
     def _draft(self) -> None:
         """The instance tree, and what its declarations and equations say."""
@@ -299,6 +322,13 @@ def _derived(draft: GroupDraft) -> Iterator[Variable]:
             variable = draft.columns[leaf.value[0]][0]
             if leaf.value[1] and variable is not None:
                 yield variable
+
+
+def _with_constant(flat: FlatDAE, variable: int, value: float) -> FlatDAE:
+    """The flat model with a constant in the place of a parameter."""
+    blocks = (replace(b, kind=Kind.CONSTANT) if b.offset == variable else b for b in flat.blocks)
+    binding = Assignments(np.array([variable]), dag.const(value), np.zeros((1, 0), int))
+    return replace(flat, blocks=tuple(blocks), bindings=(binding, *flat.bindings))
 
 
 def _zeros(drafts: Drafts, count: int) -> np.ndarray:

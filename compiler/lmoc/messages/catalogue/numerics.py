@@ -122,6 +122,14 @@ NUMERICS: dict[str, Entry] = {
         "the run. Contradicting positions are an error (E0531), and velocities are where a body that moves along has "
         "none of its own.",
     ),
+    "N0543": Entry(
+        "a homotopy that does not lead to a start",
+        "Where a model contains `homotopy(actual, simplified)`, the start is solved with the simplified expressions\n"
+        "first, and followed from there to the actual ones (Modelica specification, 3.7.4.4): among several solutions\n"
+        "that chooses one. Where the simplified model has no start, or the way ends before it has come to the actual\n"
+        "one, the start is looked for with the actual expressions alone, from the start values: look whether it is\n"
+        "the one that is meant.",
+    ),
     "E0540": Entry(
         "a solver that does not exist or does not suit",
         "The solvers are listed by `lmoc run --help`; `auto` chooses one that suits. `verlet` needs forces that do "

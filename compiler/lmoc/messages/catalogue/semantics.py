@@ -199,12 +199,6 @@ SEMANTICS: dict[str, Entry] = {
         "smaller one first, and the step is no longer than the range. What is wrong there matters to nothing but the\n"
         "page, where the parameter has its place and range as if nothing had been said.",
     ),
-    "N0249": Entry(
-        "homotopy without its simplified expression",
-        "`homotopy(actual, simplified)` has the value of `actual`. The specification (3.7.4.4) allows a tool to begin\n"
-        "with `simplified` and to go over to `actual`; lmoc begins with `actual`. Where the equations of the start\n"
-        "have several solutions, `simplified` does not choose among them: give start values near the one meant.",
-    ),
     "E0246": Entry(
         "ambiguous import",
         "Two `import P.*` bring elements of the same name, and the class uses that name (13.2.1.1): which one is\n"

@@ -203,6 +203,22 @@ class DiscreteState:
                 found = self._relation(step)
                 self.v[step.target] = found if self.supposed is None else self._unless_supposed(step, found)
 
+    def suppose(self, register_of: np.ndarray, w: np.ndarray) -> None:
+        """Take the relations as they are elsewhere, and what follows from them.
+
+        Parameters
+        ----------
+        register_of, w : the registers there, and which holds which variable
+        """
+        targets = np.concatenate([np.zeros(0, int), *(r.target for r in self.layout.events.relations)])
+        values = w[register_of[targets]]
+        known = (register_of[targets] >= 0) & np.isfinite(values)
+        self.v[targets[known]] = values[known]
+        self.supposed = np.zeros(len(self.v), bool)
+        self.supposed[targets] = True
+        self.assign()
+        self.supposed = None
+
     def _unless_supposed(self, step: DiscreteStep, found: np.ndarray) -> np.ndarray:
         return np.where(self.supposed[step.target], self.v[step.target], found)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from lmoc.numerics.problem.base import Outcome, Roots
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 from lmoc.structure.laws.degree import dependent
+
+if TYPE_CHECKING:
+    from lmoc.numerics.coordinates.change import RunState
 
 _CHATTER = 12  # changes of one condition …
 _MOMENT = 1e-9  # … within this part of the run, which is chattering
@@ -91,8 +95,8 @@ class EventHandler:
 
     # ------------------------------------------------------------------------ the start
 
-    def start(self, states: Starter, initial: Mapping[str, float]) -> np.ndarray:
-        """Find states and discrete values that agree, and do what happens at the start.
+    def start(self, states: Starter, initial: Mapping[str, float], near: RunState | None = None) -> np.ndarray:
+        """Find states and discrete values that agree, and do what happens at the start; `near` as of `Task`.
 
         Raises
         ------
@@ -112,6 +116,8 @@ class EventHandler:
                 if self.layout.flat.kind[variables[0]] == Kind.DISCRETE:
                     discrete.v[variables] = value
             discrete.remember()
+            if near is not None:
+                discrete.suppose(near.observer.plan.reduced.register_of, near.w)
             discrete.early = self._moving_relations()
             x = self._first(states)
         discrete.literal = False

@@ -31,6 +31,7 @@ from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 
 if TYPE_CHECKING:
+    from lmoc.numerics.coordinates.change import RunState
     from lmoc.numerics.coordinates.passage import Passage
     from lmoc.numerics.laws.time_stepping import TimeStepping
     from lmoc.numerics.problem.system import System
@@ -257,8 +258,8 @@ class HybridDynamics:
 
     # ------------------------------------------------------------------- what happens
 
-    def start(self, states: Starter, initial: object) -> np.ndarray:
-        """Return the states at the start, behind what happens there.
+    def start(self, states: Starter, initial: object, near: RunState | None = None) -> np.ndarray:
+        """Return the states at the start, behind what happens there; `near` as of `Task`.
 
         Raises
         ------
@@ -267,7 +268,7 @@ class HybridDynamics:
         if self.handler is None:
             x = states(self.open)
         else:
-            x = self.handler.start(lambda base: states(base[: self.plan.count]), initial)
+            x = self.handler.start(lambda base: states(base[: self.plan.count]), initial, near)
             self._collect()
         goes_on = isinstance(initial, End) and not initial.stepping
         if goes_on:

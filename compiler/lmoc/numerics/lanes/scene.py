@@ -93,6 +93,7 @@ def refuse(plan: Plan, system: System, options: RunOptions) -> None:
     reasons = {
         "laws": bool(flat.laws) or reduced.switched is not None,
         "events": flat.events is not None,
+        "homotopy": flat.simplified is not None,
         "closed loops": reduced.constraints is not None or reduced.invariants is not None,
         "nonlinear equations": any(isinstance(s, Solve) and not s.linear for s in walk(plan.full_program)),
         "assertions on the motion": any(c not in flat.constant_checks for c in flat.checks),

@@ -196,7 +196,8 @@ class _Run:
         segment, report, span = self.segment, self.report, self.task.span
         plan, observer, system = segment.plan, segment.observer, segment.system
         signals = self.task.signals
-        states = first_states(observer, span.start, segment.base, initial, report, self.impacts)
+        near = self.task.near
+        states = first_states(observer, span.start, segment.base, initial, report, self.impacts, near)
         steps = bool(stepping_inputs(plan, signals))
         if plan.reduced.switched is None and plan.reduced.flat.events is None and not steps:
             x = states(segment.base)
@@ -234,7 +235,7 @@ class _Run:
 
         going_on = isinstance(initial, End | RunState)
         try:
-            x = self.dynamics.start(states if going_on else begun, initial)
+            x = self.dynamics.start(states if going_on else begun, initial, task.near)
         except Stopped as stopped:
             self.report.error("E0535", f"the start has no solution: {stopped.reason}")
             self.report.check()

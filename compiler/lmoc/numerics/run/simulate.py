@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from lmoc.expression.dag import slots
-from lmoc.ir.flat import Kind
+from lmoc.ir.flat import Kind, Simplified
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import ModelError, Report, nearest
 from lmoc.messages.ranges import report_alike
@@ -36,6 +36,8 @@ from lmoc.numerics.task.task import Coordinates, Progress, Task
 from lmoc.structure.messages.equations import SHOWN
 from lmoc.support import budget
 
+_FIRST_STEP = 0.25  # of the way from a simplified model to the actual one
+_SHORTEST_STEP = 1e-4
 _PASSES = 4  # runs of a motion whose size is not known beforehand
 
 
@@ -48,6 +50,7 @@ class Simulator:
 
     def __init__(self, reduced: Reduced) -> None:
         self.reduced = reduced
+        self._way: WayToStart | None = None  # of a model with homotopies
         self._systems: dict[object, tuple[Plan, System]] = {}
 
     def system(self, signals: Mapping[int, Signal], energy: bool, report: Report) -> tuple[Plan, System]:
@@ -68,9 +71,11 @@ class Simulator:
         options: RunOptions,
         inputs: Mapping[str, object] | None,
         initial: Mapping[str, float] | End | None,
+        near: RunState | None = None,
     ) -> RunState:
-        """Return where a run starts. Parameters and errors as of `run`."""
+        """Return where a run starts. Parameters and errors as of `run`; `near` as of `Task`."""
         task, plan, system, base = self._task(values, options, inputs, initial, None, None)
+        task = task if near is None else replace(task, near=near)
         return starting_place(task, plan, system, base, initial or {})
 
     @property
@@ -159,8 +164,76 @@ class Simulator:
         check_parameters(plan, base, values, report)
         report.check()
         check_derived(plan, base, report)
-        progress = _heard(progress, span)
-        return Task(values, signals, options, span, report, progress, others, (began, lowered)), plan, system, base
+        progress, near = _heard(progress, span), self._near(values, options, inputs, initial, report)
+        task = Task(values, signals, options, span, report, progress, others, (began, lowered), near)
+        return task, plan, system, base
+
+    def _near(
+        self,
+        values: np.ndarray,
+        options: RunOptions,
+        inputs: Mapping[str, object] | None,
+        initial: Mapping[str, float] | End | RunState | None,
+        report: Report,
+    ) -> RunState | None:
+        """Return where the start is looked for: the end of the way from the simplified model, if there is one."""
+        if self.reduced.flat.simplified is None or isinstance(initial, End | RunState):
+            return None
+        if self._way is None:
+            self._way = WayToStart(self.reduced.flat.simplified)
+        return self._way.end(values, options, inputs, initial, report)
+
+
+class WayToStart:
+    """The way from the start of a simplified model to that of the model that it stands for (`homotopy`, 3.7.4.4)."""
+
+    def __init__(self, simplified: Simplified) -> None:
+        self.flat, self.weight = simplified.flat, simplified.weight
+        self._simulators: list[Simulator] = []  # one for each set of assumptions about the parameters
+
+    def end(
+        self,
+        values: np.ndarray,
+        options: RunOptions,
+        inputs: Mapping[str, object] | None,
+        initial: Mapping[str, float] | None,
+        report: Report,
+    ) -> RunState | None:
+        """Return the start at the end of the way; None, and a note, where it does not lead there."""
+        near, weight, step = None, 0.0, 0.0
+        while near is None or weight < 1.0:
+            then = min(weight + step, 1.0)
+            own = self.flat.extended(values[: self.flat.count])
+            own[self.weight] = then
+            try:
+                near = self._simulator(own).start(own, options, inputs, initial, near)
+            except ModelError as error:
+                step *= 0.25
+                if step < _SHORTEST_STEP:
+                    return _no_way(report, weight, error)
+                continue
+            weight, step = then, 2.0 * step or _FIRST_STEP
+        return near
+
+    def _simulator(self, values: np.ndarray) -> Simulator:
+        for made in self._simulators:
+            if not made.reduced.broken_guard(values):
+                return made
+        from lmoc.structure.laws.reduce import reduce_with_laws
+
+        report = Report()
+        reduced = reduce_with_laws(self.flat, values, None, report)
+        report.check()
+        self._simulators.append(Simulator(reduced))
+        return self._simulators[-1]
+
+
+def _no_way(report: Report, weight: float, error: ModelError) -> None:
+    why = next((d.message for d in error.diagnostics if d.severity == "error"), str(error))
+    hint = "where there are several solutions, a start value near the one that is meant chooses it"
+    text = "homotopy leads to no start, which is looked for with the actual expressions alone: "
+    text += f"{100 * weight:.3g} % of the way behind the simplified ones, {why}"
+    report.note_once("N0543", text, hint=hint)
 
 
 def _heard(progress: Progress | None, span: TimeSpan) -> Progress:

@@ -12,6 +12,7 @@ from lmoc.numerics.coordinates.change import RunState, continued
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.start.initialization import initial_state, seed_blocks, start_guess
 from lmoc.numerics.start.targets import targets
 
@@ -23,6 +24,7 @@ def first_states(
     initial: Mapping[str, float] | End | RunState,
     report: Report,
     impacts: list[Event],
+    near: RunState | None = None,
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Return the function of base registers that gives the states (n,).
 
@@ -32,6 +34,7 @@ def first_states(
     base : registers of the segment, in which the unknowns of nonlinear blocks get their first guess
     initial : {name: value}, fixed at the start, or where another run has ended, or where one begins
     impacts : takes records of velocities that contradict each other at the start
+    near : another place, of a model with the same variables, at which the start is looked for
 
     Raises
     ------
@@ -50,4 +53,14 @@ def first_states(
         report.diagnostics += guess.failures
         report.check()
     seed_blocks(plan, base, wanted, guess)
-    return lambda now: initial_state(plan, now, signals, values, time, wanted, guess, report, impacts)
+    first = None if near is None else _seeded(near, plan, base)
+    return lambda now: initial_state(plan, now, signals, values, time, wanted, guess, report, impacts, first)
+
+
+def _seeded(near: RunState, plan: Plan, base: np.ndarray) -> np.ndarray:
+    """Return the states (n,) of another place, zero where it has none, and let nonlinear blocks begin there."""
+    before = base.copy()
+    states = near.states(plan, base)
+    lost = ~np.isfinite(base)
+    base[lost] = before[lost]
+    return np.nan_to_num(states, nan=0.0)

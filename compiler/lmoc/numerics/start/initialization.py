@@ -31,6 +31,7 @@ def initial_state(
     guess: StartGuess | None,
     report: Report,
     events: list[Event],
+    first: np.ndarray | None = None,
 ) -> np.ndarray:
     """States and quadratures at the start.
 
@@ -40,6 +41,7 @@ def initial_state(
     wanted : from `targets`
     guess : from `start_guess`
     events : gets the impacts by which contradicting velocities of inertias come to agree
+    first : (n,) where a solution is looked for; what stands on states without it
 
     Returns
     -------
@@ -66,6 +68,8 @@ def initial_state(
     from lmoc.numerics.start.solving import solve
     from lmoc.numerics.start.start_system import StartSystem
 
+    if first is not None:
+        x[:] = first
     # a first point: what stands on states, the fixed values last
     for level in (False, True):
         own = direct & (wanted.hard == level)

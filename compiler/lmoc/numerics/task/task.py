@@ -22,6 +22,7 @@ from lmoc.numerics.task.sizes import Sizes
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
+    from lmoc.numerics.coordinates.change import RunState
     from lmoc.numerics.coordinates.watch import CoordinateWatch
     from lmoc.numerics.formulations.watch import LoopWatch
     from lmoc.numerics.problem.mode import Mode
@@ -54,6 +55,7 @@ class Task:
     signals : by flat variable
     report : collects what there is to say
     others : the model with other coordinates, where there may be some
+    near : where the start is looked for: the end of the way there from a simplified model; None without one
     sizes : how large the motion is, as far as it is known
     clock : values of `time.perf_counter` when the run was requested, and when its system was ready
     """
@@ -66,6 +68,7 @@ class Task:
     progress: Progress | None
     others: Coordinates | None
     clock: tuple[float, float]
+    near: RunState | None = None
     sizes: Sizes = field(default_factory=dict)
 
 

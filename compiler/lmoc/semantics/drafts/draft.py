@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import field, replace
 from math import prod
+from typing import TypeVar
 
 import numpy as np
 
@@ -124,6 +125,9 @@ class ActionDraft:
     text: str = ""
 
 
+AnyDraft = TypeVar("AnyDraft", GroupDraft, AssignmentDraft, CheckDraft, ActionDraft)
+
+
 @dataclass
 class Drafts:
     """The equations and bindings of the whole model translated so far."""
@@ -164,13 +168,30 @@ def compact(leaves: list[Leaf], *shapes: Expr) -> tuple[list[Leaf], tuple[Expr, 
 
 def without_ones(draft: GroupDraft | AssignmentDraft) -> GroupDraft | AssignmentDraft:
     """The draft without the factors 1 that have made units unknown."""
-    ones = [k for k, (v, index) in enumerate(draft.columns) if v is None and np.ndim(index) == 0 and index == 1.0]
-    if not ones:
+    return _with_ones(draft, lambda v, index: v is None and np.ndim(index) == 0 and index == 1.0)
+
+
+def with_one(draft: AnyDraft, variable: Variable) -> AnyDraft:
+    """The draft with 1 in the place of a variable."""
+    return _with_ones(draft, lambda v, _: v is variable)
+
+
+_SHAPES = {
+    GroupDraft: ("left", "right"),
+    AssignmentDraft: ("shape",),
+    CheckDraft: ("condition",),
+    ActionDraft: ("shape",),
+}
+
+
+def _with_ones(draft: AnyDraft, is_one: Callable[[Variable | None, object], bool]) -> AnyDraft:
+    table, shapes = "slots" if isinstance(draft, ActionDraft) else "columns", _SHAPES[type(draft)]
+    old = getattr(draft, table)
+    new = {dag.slot(k): dag.ONE for k, (v, index) in enumerate(old) if is_one(v, index)}
+    if not new:
         return draft
-    fields = ("left", "right") if isinstance(draft, GroupDraft) else ("shape",)
-    new = {dag.slot(k): dag.const(1.0) for k in ones}
-    columns, shapes = compact(draft.columns, *(dag.substitute(getattr(draft, name), new) for name in fields))
-    return replace(draft, columns=tuple(columns), **dict(zip(fields, shapes)))
+    columns, found = compact(old, *(dag.substitute(getattr(draft, name), new) for name in shapes))
+    return replace(draft, **{table: tuple(columns)}, **dict(zip(shapes, found)))
 
 
 def flat_column(leaf: Leaf, shape: tuple[int, ...]) -> Column:

@@ -10,10 +10,12 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.calculus import total_derivative
 from lmoc.expression.functions import FUNCTIONS, SMOOTH, Kind
+from lmoc.ir.flat import Kind as Role
 from lmoc.semantics.mistakes.wrong import OutOfRange, Wrong, check_size
 from lmoc.semantics.nodes.instance import InstanceNode
 from lmoc.semantics.values.constructors import column_of_numbers, comprehension, concatenated
 from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.helpers import WEIGHT
 from lmoc.semantics.values.reference import find_start, locate
 from lmoc.semantics.values.translate import (
     at_event,
@@ -159,13 +161,25 @@ def _instance_name(context: Context, call: tree.Call) -> Value:
 
 @builtin("homotopy")
 def _homotopy(context: Context, call: tree.Call) -> Value:
-    actual = call.arguments[:1] or tuple(e for name, e in call.named if name == "actual")
-    if not actual:
+    """``w*actual + (1 - w)*simplified`` with a weight w that is 1 but on the way to the start (3.7.4.4)."""
+    given = dict(zip(("actual", "simplified"), call.arguments)) | dict(call.named)
+    if "actual" not in given:
         raise Wrong("E0217", "'homotopy' needs an actual expression", call.span)
-    message = "the start is found with the actual expression alone: 'simplified' chooses no solution"
-    hint = "where there are several, a start value near the one that is meant chooses it"
-    context.model.say_once("N0249", message, call.span, hint=hint)
-    return context.value(actual[0])
+    actual = context.value(given["actual"])
+    if "simplified" not in given:
+        return actual
+    simplified = _quietly(context, lambda: context.value(given["simplified"]))
+    if not changes(context, actual) and not changes(context, simplified):
+        return actual
+    if simplified is actual or (actual.uniform and simplified.uniform and actual.expr is simplified.expr):
+        return actual
+    for value, name in ((actual, "actual"), (simplified, "simplified")):
+        need_number(value, given[name].span)
+    if actual.dims != simplified.dims:
+        raise sizes_differ("'actual' and 'simplified'", actual.dims, simplified.dims, call.span)
+    variable = context.model.drafts.helpers.of_model(context.model.root, WEIGHT, Role.PARAMETER, "Real")
+    weight = context.leaves.slot(variable, 0)
+    return context.arrays.map(lambda a, s: weight * a + (dag.ONE - weight) * s, actual, simplified)
 
 
 def _quietly(context: Context, make: Callable[[], Value]) -> Value:

@@ -11,6 +11,8 @@ from lmoc.semantics.nodes.instance import Instance, Variable
 from lmoc.semantics.nodes.modification import NOTHING
 from lmoc.semantics.values.rows import Index, Leaves, Space, positions
 
+WEIGHT = "homotopy()"  # of the actual expressions of homotopies, beside their simplified ones
+
 
 class Helpers:
     """The added variables of a model, in the order in which they were made."""
@@ -18,7 +20,7 @@ class Helpers:
     def __init__(self) -> None:
         self.variables: list[Variable] = []
         self.before: dict[Variable, Variable] = {}  # pre(x) of x
-        self.single: dict[str, Variable] = {}  # initial() and terminal(), of the whole model
+        self.single: dict[str, Variable] = {}  # initial(), terminal() and the weight of homotopies, of the whole model
 
     def add(
         self,
@@ -66,11 +68,11 @@ class Helpers:
             self.variables.append(made)
         return made
 
-    def of_model(self, root: Instance, name: str) -> Variable:
-        """Return a Boolean variable that the whole model has once."""
+    def of_model(self, root: Instance, name: str, kind: Kind = Kind.DISCRETE, type_: str = "Boolean") -> Variable:
+        """Return a variable that the whole model has once."""
         made = self.single.get(name)
         if made is None:
-            made = self.single[name] = Variable(name, root, (), None, root.scope, True, BUILTINS["Boolean"], NOTHING)
-            made.kind = Kind.DISCRETE
+            made = self.single[name] = Variable(name, root, (), None, root.scope, True, BUILTINS[type_], NOTHING)
+            made.kind = kind
             self.variables.append(made)
         return made
