@@ -304,3 +304,33 @@ def test_a_start_of_one_run_only_where_the_coordinates_do_not_serve(initial):
     assert run["x"] == pytest.approx(np.cos(angle), abs=2e-8)
     assert run["y"] == pytest.approx(np.sin(angle), abs=2e-8)
     assert dae.states == ["x", "vx"] and dae.simulate(stop=0.1)["y"][-1] == pytest.approx(-1)
+
+
+FOLDING = """
+    model Loop
+      import Planar.*;
+      inner World world;
+      Ground ground;
+      Revolute r1(phi(start = 0.4115)), r2(phi(start = 0)), r3(phi(start = -0.4115));
+      Link l1(rx = 0, ry = -0.5), l2(rx = 0, ry = -0.5);
+      Prismatic p(s(start = 0.4, fixed = true), v(fixed = true));
+      Body b(m = 1, J = 0.1);
+      Real open(start = {open}) = p.s;
+    equation
+      connect(ground.frame, r1.a);
+      connect(ground.frame, p.a);
+      connect(p.b, r3.a);
+      connect(r1.b, l1.a);
+      connect(r3.b, l2.a);
+      connect(l1.b, r2.a);
+      connect(l2.b, r2.b);
+      connect(b.frame, l1.b);
+    end Loop;"""
+
+
+@pytest.mark.parametrize("opening", [0, 0.2, 0.9, -0.4])
+def test_of_several_names_of_a_variable_the_fixed_one_tells_the_start(opening):
+    """Two bars fold onto each other, so that the carriage stands at 0, or open by what is fixed."""
+    run = lmoc.compile_text(FOLDING.format(open=opening)).simulate(stop=0.01, points=2)
+    assert run["p.s"][0] == pytest.approx(0.4) and run["open"][0] == pytest.approx(0.4)
+    assert run["r1.phi"][0] == pytest.approx(np.arcsin(0.4)) and run["r3.phi"][0] == pytest.approx(-np.arcsin(0.4))

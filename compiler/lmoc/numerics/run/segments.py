@@ -230,6 +230,8 @@ class _Run:
 
         def begun(base: np.ndarray) -> np.ndarray:
             x = states(base)
+            unknowns = segment.plan.once(block_unknowns)
+            self.dynamics.stand_at(unknowns, base[unknowns])
             self.begun = x.copy(), base.copy()
             return x
 

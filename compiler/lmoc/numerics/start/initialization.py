@@ -63,7 +63,9 @@ def initial_state(
         return _guessed(guess, x, at) if guess is not None and guess.closed else x
     key = None if signals else (time, *(a.tobytes() for a in (base, values, *_columns(wanted))))
     last = plan.once(_Solved)
+    solved = plan.once(_solved)
     if key is not None and last.key == key:
+        base[solved] = last.branch
         return last.x.copy()
     from lmoc.numerics.start.solving import solve
     from lmoc.numerics.start.start_system import StartSystem
@@ -85,8 +87,10 @@ def initial_state(
         x[at[own]] = wanted.value[own]  # to the last digit
         if not report.errors:
             note_assemblies(flat, guess, wanted, report)
+        if not report.errors and len(solved):
+            base[solved] = system.unknowns(x, solved)  # the run goes on where loops are closed as they were found
         if not impacts and len(report.diagnostics) == said:  # nothing to report again
-            last.key, last.x = key, x.copy()
+            last.key, last.x, last.branch = key, x.copy(), base[solved]
     return x
 
 
@@ -96,6 +100,7 @@ class _Solved:
     def __init__(self, plan: Plan) -> None:
         self.key: tuple | None = None
         self.x = np.zeros(len(plan.states))
+        self.branch = np.zeros(0)  # the unknowns of nonlinear blocks there
 
 
 def _columns(wanted: Targets) -> tuple[np.ndarray, ...]:

@@ -83,6 +83,11 @@ class StartSystem:
             self._last = x.copy(), self._evaluate(x)
         return self._last[1]
 
+    def unknowns(self, x: np.ndarray, registers: np.ndarray) -> np.ndarray:
+        """The values of unknowns of blocks at x, on the branch that has been followed."""
+        self._last = x.copy(), self._evaluate(x)
+        return self.w[registers]
+
     def _evaluate(self, x: np.ndarray):
         self.w[self.plan.states] = x
         self.interpreter.run(self.w, self.time)

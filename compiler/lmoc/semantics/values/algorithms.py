@@ -105,7 +105,8 @@ class Algorithm:
         if value is None:
             value = nothing(self.context, variable, self.function)
         if value is not None:
-            self.values[name] = widened(variable, value) if mismatch(variable, value) is None else value
+            self._check_type(name, mismatch(variable, value), variable.member.component.span)
+            self.values[name] = widened(variable, value)
 
     def _statements(self, statements: tuple[tree.Statement, ...]) -> None:
         for k, statement in enumerate(statements):

@@ -17,7 +17,7 @@ from lmoc.semantics.values.algorithms import Algorithm
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.dimensions import DimensionType, dimension_type
-from lmoc.semantics.values.formals import declared_in, has_gap, in_order_of_use, mismatch, sizes
+from lmoc.semantics.values.formals import declared_in, has_gap, in_order_of_use, mismatch, sizes, widened
 from lmoc.semantics.values.reference import find_start, step
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.unit_inference import has_unit
@@ -204,6 +204,7 @@ class _Body:
                 raise Wrong("E0217", f"the argument '{name}' is given twice", e.span)
             value = self.caller.value(argument)
             self._check_type(name, value, argument.span)
+            value = widened(self.declared[name], value)
             given[name] = value if self._has_unit(name) else self._of_any_unit(value)
         self.values.update(given)
         for name in in_order_of_use(self.function, self.declared):

@@ -6,7 +6,6 @@ What vanishes at the generic point vanishes everywhere; what vanishes at the sta
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -81,17 +80,16 @@ def given(
     for a in flat.input_bindings:
         numbers = a.values(value[0], time)
         value[0, a.target] = np.where(np.isfinite(numbers), numbers, value[0, a.target])
-    started = np.zeros(flat.count, bool)
+    start = np.full(flat.count, np.nan)
     for a in flat.starts:
-        started[a.target] = True
+        start[a.target] = a.values(value[0])
         jets, found = _of_roots(system, a, value)
         value.flat[jets] = found
         ease.flat[jets] = MEANT
     for a in flat.fixed:
+        # of several names of one variable, that which is fixed counts; fixed without a value: at zero
         target = a.target[a.values(value[0]) > 0]
-        _fix(system, target[started[target]], None, value, ease)
-        target = target[~started[target]]
-        _fix(system, target, np.zeros(len(target)), value, ease)  # fixed without a value: at zero
+        _fix(system, target, np.nan_to_num(start[target]), value, ease)
     if fixed is not None:
         _fix(system, *fixed, value, ease)
     if system.normalized.near is not None:
@@ -103,16 +101,15 @@ def given(
 
 
 def _fix(
-    system: EquationSystem, target: np.ndarray, numbers: np.ndarray | None, value: np.ndarray, ease: np.ndarray
+    system: EquationSystem, target: np.ndarray, numbers: np.ndarray, value: np.ndarray, ease: np.ndarray
 ) -> None:
-    """Let variables be fixed in `ease`, at some numbers where these are given."""
+    """Let variables be fixed in `ease`, at some numbers."""
     if not len(target):
         return
-    a = Assignments(target, const(np.nan), np.zeros((len(target), 0), int), numbers=np.zeros(len(target)))
-    jets, found = _of_roots(system, a if numbers is None else replace(a, numbers=numbers), value)
+    a = Assignments(target, const(np.nan), np.zeros((len(target), 0), int), numbers=np.asarray(numbers, float))
+    jets, found = _of_roots(system, a, value)
     ease.flat[jets] = FIXED
-    if numbers is not None:
-        value.flat[jets] = found
+    value.flat[jets] = found
 
 
 def _small(system: EquationSystem, highest: int) -> np.ndarray:
