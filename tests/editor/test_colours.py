@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pygments.token import Error, Keyword, Name, Number
 
-import lmoc.semantics.events.functions  # noqa: F401  registers pre, edge, …
+import lmoc.semantics.flatten  # noqa: F401  registers every function: pre, edge, cardinality, …
 from lmoc.editor import highlight
 from lmoc.editor.highlight import LmoLexer
 from lmoc.semantics.classes.predefined import BUILTINS
