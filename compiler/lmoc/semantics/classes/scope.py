@@ -361,6 +361,15 @@ class Scope:
 
     def find_class(self, ref: tree.Ref, inherited: bool = True) -> Scope | Builtin:
         """The class that a type name, a base or a function name means."""
+        found = self.meaning(ref, inherited)
+        if isinstance(found, Member):
+            name = ref.parts[-1].name
+            raise NotAClass("E0223", f"'{_text(ref)}' is a component, not a class", ref.span,
+                        hint=nearest(name, self._classes()))  # fmt: skip
+        return found
+
+    def meaning(self, ref: tree.Ref, inherited: bool = True) -> Member | Scope | Builtin:
+        """The class that a name means, or the component that it begins with or that a class has."""
         names = [part.name for part in ref.parts]
         start = self.root if ref.absolute else self
         found = start.find(names[0], inherited)
@@ -376,13 +385,14 @@ class Scope:
                 raise NoClass("E0202", f"'{outer.full_name}' has no class '{name}'", ref.span, hint=hint)
         if found is None:
             self.refuse_files(names[0])
-            text = ".".join(names)
             hint = modelica_hint(names) or suggest(self, names[-1])
-            raise NoClass("E0202", f"there is no class '{text}'", ref.span, hint=hint)
-        if isinstance(found, Member):
-            raise NotAClass("E0223", f"'{'.'.join(names)}' is a component, not a class", ref.span,
-                        hint=nearest(names[-1], self._classes()))  # fmt: skip
+            raise NoClass("E0202", f"there is no class '{_text(ref)}'", ref.span, hint=hint)
         return found
+
+
+def _text(ref: tree.Ref) -> str:
+    """A name without its subscripts."""
+    return ".".join(part.name for part in ref.parts)
 
 
 def _same(a: Member | Scope, b: Member | Scope) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.mistakes.wrong import Wrong
@@ -29,7 +30,8 @@ def dimension_type(context: Context, expression: tree.Expression) -> DimensionTy
     if not expression.absolute and expression.parts[0].name in context.names:
         return None
     try:
-        base = resolve(context.scope.find_class(expression)).base
+        found = context.scope.meaning(expression)
+        base = None if isinstance(found, Member) else resolve(found).base
     except Wrong:
         return None  # no class: it is said where its value is needed
     if not isinstance(base, Builtin) or not base.literals and base.name != "Boolean":
