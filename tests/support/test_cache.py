@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+import lmoc
 from lmoc.sources import library
+from lmoc.sources.kept import unpacked
 from lmoc.support import cache
 from lmoc.syntax import tables
 from lmoc.syntax.node import alike
@@ -64,7 +66,7 @@ def test_the_library_from_the_cache_is_the_library_parsed(folder: Path) -> None:
 
 def test_a_library_that_cannot_be_unpacked_is_parsed(folder: Path) -> None:
     parsed = load_again()
-    assert library._unpack(b"no pickle") is None
+    assert unpacked(b"no pickle") is None
     for file in folder.iterdir():
         file.write_bytes(b"nonsense")
     assert all(map(alike, parsed, load_again()))
@@ -124,3 +126,23 @@ def test_what_others_could_have_written_is_not_read(folder: Path, monkeypatch: p
     assert cache.read("name", b"key") is None
     cache.write("other", b"key", b"payload")
     assert len(list(folder.iterdir())) == 1
+
+
+def test_a_file_of_a_package_is_parsed_again_when_its_text_changes(folder: Path, tmp_path: Path) -> None:
+    place = tmp_path / "library" / "P"
+    place.mkdir(parents=True)
+    (place / "package.mo").write_text("package P end P;")
+    for value in (3, 3, 4):
+        (place / "A.mo").write_text(f"within P;\nmodel A\n  Real y = {value};\nend A;\n")
+        assert lmoc.compile("P.A", path=tmp_path / "library").simulate(stop=1)["y"][-1] == value
+    assert len(list(folder.glob("file-*"))) == 2
+
+
+def test_what_is_wrong_with_a_kept_file_is_said_each_time(folder: Path, tmp_path: Path) -> None:
+    place = tmp_path / "library" / "P"
+    place.mkdir(parents=True)
+    (place / "package.mo").write_text("package P end P;")
+    (place / "A.mo").write_text("within P;\nmodel A\n  Real y = ;\nend A;\n")
+    for _ in range(2):
+        with pytest.raises(lmoc.ModelError, match="E01"):
+            lmoc.compile("P.A", path=tmp_path / "library")

@@ -1,13 +1,7 @@
-"""The library that comes with lmoc (``stdlib/*.lmo``), parsed.
-
-Its trees are kept in the user's cache: reading them there takes a third of the time of parsing.
-"""
+"""The library that comes with lmoc (``stdlib/*.lmo``), parsed."""
 
 from __future__ import annotations
 
-import gc
-import os
-import pickle
 import re
 from collections.abc import Iterable, Iterator
 from functools import cache as once
@@ -15,8 +9,8 @@ from functools import cache as once
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
 from lmoc.sources.files import library_texts
+from lmoc.sources.kept import kept
 from lmoc.sources.packages import Found
-from lmoc.support import cache
 from lmoc.syntax import tree
 
 # packages of parts that a scene must name to have them: {file: package}
@@ -85,25 +79,7 @@ def _load(package: str) -> tuple[tree.File, ...]:
     apart = {*PACKAGES, *SELDOM}
     texts = [(name, text) for name, text in library_texts() if (name if name in apart else "") == package]
     entry = f"library-{package.partition('.')[0]}" if package else "library"
-    key = b"\0".join(part.encode() for text in texts for part in text) + _program()
-    kept = cache.read(entry, key)
-    files = _unpack(kept) if kept else None
-    if files is None:
-        files = _parse(texts)
-        cache.write(entry, key, pickle.dumps(files, protocol=5))
-    return files
-
-
-@once
-def _program() -> bytes:
-    """Return the key of the code that builds the trees: they are rebuilt when it changes."""
-    import lmoc.grammar
-    import lmoc.messages.source
-
-    files = [lmoc.messages.source.__file__]
-    for folder in (os.path.dirname(tree.__file__), os.path.dirname(lmoc.grammar.__file__)):
-        files += [os.path.join(folder, name) for name in sorted(os.listdir(folder)) if "." in name]
-    return cache.fingerprint(*files)
+    return kept(entry, [part for text in texts for part in text], lambda: _parse(texts))
 
 
 def _parse(texts: list[tuple[str, str]]) -> tuple[tree.File, ...]:
@@ -113,17 +89,3 @@ def _parse(texts: list[tuple[str, str]]) -> tuple[tree.File, ...]:
     files = tuple(parse(Source(f"stdlib/{name}", text), report) for name, text in texts)
     report.check()
     return files
-
-
-def _unpack(kept: bytes) -> tuple[tree.File, ...] | None:
-    """The trees in a file of the cache; None if they cannot be made from it."""
-    collecting = gc.isenabled()
-    gc.disable()  # thousands of objects that all stay: looking for garbage among them doubles the time
-    try:
-        files: tuple[tree.File, ...] = pickle.loads(kept)
-        return files
-    except Exception:  # whatever is wrong with it, the library can be parsed
-        return None
-    finally:
-        if collecting:
-            gc.enable()

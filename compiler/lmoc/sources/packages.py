@@ -13,6 +13,7 @@ from pathlib import Path
 from lmoc.messages.diagnostics import Diagnostic, Label, ModelError, Report, nearest
 from lmoc.messages.source import Span
 from lmoc.sources.files import PACKAGE, SUFFIXES, class_files, package_file, read_source, refusal
+from lmoc.sources.kept import package_file_tree
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.classwise import parse_classwise
@@ -97,7 +98,8 @@ class Folder:
         folder = None if own is not None else Folder(self.path / name, (*self.within, name))
         try:
             report = Report()
-            parsed = parse_classwise(read_source(file), report)
+            read = package_file_tree if folder is not None or self.within else parse_classwise
+            parsed = read(read_source(file), report)
         except ModelError as error:
             return Found(diagnostics=error.diagnostics)
         definition = next((c for c in parsed.classes if c.name == name), None)
