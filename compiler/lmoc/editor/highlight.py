@@ -22,8 +22,8 @@ FUNCTIONS = (
     "change", "cos", "cosh", "cross", "delay", "der", "diagonal", "div", "edge", "exp", "fill", "floor",
     "getInstanceName", "homotopy", "identity", "integer", "linspace", "log", "log10", "matrix", "max", "min", "mod",
     "ndims", "noEvent", "ones", "outerProduct", "pre", "product", "reinit", "rem", "rooted", "sample", "scalar",
-    "semiLinear", "sign", "sin", "sinh", "size", "skew", "smooth", "spatialDistribution", "sqrt", "sum",
-    "symmetric", "tan", "tanh", "terminal", "terminate", "time", "transpose", "vector", "zeros",
+    "semiLinear", "sign", "sin", "sinh", "size", "skew", "smooth", "spatialDistribution", "sqrt", "sum", "symmetric",
+    "tan", "tanh", "terminal", "terminate", "time", "transpose", "vector", "zeros",
 )  # fmt: skip
 _NAME = r"(?:[^\W\d]\w*|'(?:[^'\\\n]|\\.)+')"
 
