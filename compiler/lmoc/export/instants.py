@@ -13,7 +13,7 @@ import numpy as np
 from lmoc.expression.dag import ONE, Expr, slot
 from lmoc.ir.events import Events
 from lmoc.ir.flat import Check, FlatDAE, Kind
-from lmoc.ir.program import Apply, Program, needed_steps, read, written
+from lmoc.ir.program import Apply, Program, needed_steps, unfilled
 from lmoc.lower.blocks import values_tape
 from lmoc.lower.tape import Tape
 from lmoc.numerics.events.discrete_state import initial_values
@@ -188,7 +188,7 @@ def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float]) -> In
     clocks = [[own.places(getattr(s, n)) for s in events.samples] for n in ("start", "interval")]
     return Instants(
         values_tape(look, own.size), values_tape((*assign, *more, *endings, *judging), own.size),
-        values_tape(lines, own.size), values_tape(begin, own.size), _kept(look, wanted, plan.count), own.size,
+        values_tape(lines, own.size), values_tape(begin, own.size), unfilled(look, wanted, plan.count), own.size,
         np.array(sorted(own.parameters), int), own.absent, seen,
         NONE if layout is None else layout.registers,
         np.zeros(0) if layout is None else initial_values(flat, values)[events.discrete],
@@ -312,15 +312,3 @@ def _begin(own: _Layout, events: Events, positions: Positions) -> tuple[Program,
                 steps.append(Apply(slot(0) * ONE, out[row : row + 1, None], own.places(np.array([one]))))
                 filled.append(one)
     return tuple(steps), positions(np.array(filled, int))
-
-
-def _kept(program: Program, wanted: np.ndarray, count: int) -> np.ndarray:
-    """Return the registers of the plan that a program reads, or that are wanted, and that it does not fill."""
-    filled, used = np.zeros(count, bool), np.zeros(count, bool)
-    used[wanted[wanted < count]] = True
-    for step in program:
-        own = written(step)
-        filled[own[own < count]] = True
-        own = read(step)
-        used[own[own < count]] = True
-    return np.flatnonzero(used & ~filled)

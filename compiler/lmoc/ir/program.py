@@ -123,6 +123,16 @@ def needed_steps(program: Program, registers: np.ndarray, count: int) -> Program
     return split_program(program, registers, count)[0]
 
 
+def unfilled(program: Program, wanted: np.ndarray, count: int) -> np.ndarray:
+    """Return the registers among so many that a program reads, or that are wanted, and that it does not fill."""
+    filled, used = np.zeros(count, bool), np.zeros(count, bool)
+    used[wanted[wanted < count]] = True
+    for step in program:
+        for mask, own in ((filled, written(step)), (used, read(step))):
+            mask[own[own < count]] = True
+    return np.flatnonzero(used & ~filled)
+
+
 def split_program(program: Program, registers: np.ndarray, count: int) -> tuple[Program, Program]:
     """A program in two: the steps without which the given registers are not filled, and what is left of the others."""
     wanted = np.zeros(count, bool)

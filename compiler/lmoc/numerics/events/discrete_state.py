@@ -99,8 +99,11 @@ class DiscreteState:
         self.zero = np.zeros(layout.zero_count)
         # what a function that has just crossed zero may come back by rounding, and its largest magnitude since
         self.margin, self.largest = np.zeros(layout.zero_count), np.zeros(layout.zero_count)
-        self._known: tuple[float, np.ndarray, np.ndarray, np.ndarray] | None = None  # (t, x, discrete values, rounding)
+        # (t, x, ways of the states, discrete values, rounding)
+        self._known: tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
         self._begun = time
+        self._token = object()  # stands for this run
+        self._looked: tuple[tuple[float, bytes], np.ndarray, np.ndarray] | None = None  # place, and what is seen there
         self.literal = True  # relations of time are taken as they are written, not as what they are right behind
         self.supposed: np.ndarray | None = None  # mask of relations whose values are being tried
         self.early: frozenset[int] = frozenset()  # relations that are then taken as what they were right before
@@ -108,7 +111,7 @@ class DiscreteState:
 
     def adopt(self, layout: EventLayout, base: np.ndarray) -> None:
         """Look at the same variables through another plan."""
-        self.layout, self._known = layout, None
+        self.layout, self._known, self._looked = layout, None, None
         self.base = np.concatenate([base, np.full(layout.count - len(base), np.nan)])
 
     # ----------------------------------------------------------------------- looking
@@ -117,14 +120,20 @@ class DiscreteState:
         """Pass the discrete values on to the continuous equations."""
         layout = self.layout
         self.base[layout.registers] = self.v[layout.events.discrete]
+        now = self._token, self.base[layout.given].tobytes()
+        if now == layout.prepared:
+            return
+        layout.prepared, self._looked = now, None
         layout.zeros.prepare(self.base, self.signals)
         layout.values.prepare(self.base, self.signals)
 
     def look(self, t: float, x: np.ndarray) -> None:
         """Take the continuous values at a place."""
         self.time = t
-        self.v[self.layout.seen] = self.layout.values(t, x)
-        self.zero = self.layout.zeros(t, x).copy()
+        place, layout = (t, x.tobytes()), self.layout
+        if self._looked is None or self._looked[0] != place:
+            self._looked = place, layout.values(t, x).copy(), layout.zeros(t, x).copy()
+        _, self.v[layout.seen], self.zero = self._looked
         self._widen(t, x)
 
     def _widen(self, t: float, x: np.ndarray) -> None:
@@ -145,20 +154,20 @@ class DiscreteState:
     def _may_be_rounding(self, t: float, x: np.ndarray, height: np.ndarray) -> np.ndarray:
         """Return which functions are so small that their rounding is worth a look, (zeros,)."""
         size = max(1.0, float(np.abs(x).max(initial=0.0)), float(np.abs(self.zero).max(initial=0.0)))
-        terms = np.zeros(len(height)) if self._known is None else self._known[3] / ULP
+        terms = np.zeros(len(height)) if self._known is None else self._known[4] / ULP
         return (height <= _ZERO * np.fmax(terms, size)) & ~self.layout.rounded
 
     def rounding(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return bounds for the rounding of the zero functions, (zeros,).
 
         A state is off by a digit of itself or of its way, whatever number it has come to, and by what the rounding of
-        its rate has added up to. Bounds found last are kept
-        as long as the discrete values are the same and neither states nor the time have doubled or halved.
+        its rate has added up to. Bounds found last are kept as long as the discrete values that they depend on are the
+        same, the time and the largest state have not doubled or halved, and no state is twice as far as it has gone.
         """
-        discrete = self.v[self.layout.events.discrete]
+        discrete = self.v[self.layout.rounded_by]
         if self._known is not None:
-            known_t, known_x, known_discrete, found = self._known
-            grown = abs(t) > 2.0 * abs(known_t) or bool((np.abs(x) > 2.0 * np.abs(known_x)).any())
+            known_t, known_x, known_way, known_discrete, found = self._known
+            grown = abs(t) > 2.0 * abs(known_t) or bool((np.abs(x) > 2.0 * known_way).any())
             shrunk = 2.0 * abs(t) < abs(known_t) or 2.0 * np.abs(x).max(initial=0.0) < np.abs(known_x).max(initial=0.0)
             if not (grown or shrunk) and np.array_equal(discrete, known_discrete, equal_nan=True):
                 return found
@@ -167,7 +176,7 @@ class DiscreteState:
         rates = _finite(self.layout.rounding(w, t))[count:]
         way = _finite(np.fmax(np.abs(x), passed * np.abs(w[plan.derivatives]))) if passed > 0 else np.zeros(len(x))
         found = _finite(self.layout.rounding(w, t, (plan.states, ULP * way + 2.0 * passed * rates)))[:count]
-        self._known = t, x.copy(), discrete.copy(), found
+        self._known = t, x.copy(), np.fmax(np.abs(x), way), discrete, found
         return found
 
     def registers(self, t: float, x: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import TIME, Expr, depends_on_time, postorder, slots
 from lmoc.ir.events import Events, Relations
 from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.program import Apply, needed_steps
+from lmoc.ir.program import Apply, Solve, needed_steps, unfilled, walk
 from lmoc.numerics.events.switching_blocks import SwitchingBlocks
 from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan.plan import Plan
@@ -66,6 +66,25 @@ class EventLayout:
         self.seen = self._seen(of_time)
         self.values = Readout(plan, program, self.count, register[self.seen])
         self.registers = register[self.events.discrete]
+        self.prepared: tuple[object, bytes] | None = None  # for whom the readouts are, and with which `given`
+
+    @cached_property
+    def given(self) -> np.ndarray:
+        """The registers from which the readouts begin; all of them where a nonlinear block starts from a guess."""
+        zeros = self.plan.count + np.arange(self.zero_count)
+        wanted = np.concatenate([zeros, self.plan.reduced.register_of[self.seen]])
+        program = needed_steps(self._program, wanted, self.count)
+        if any(not step.linear for step in walk(program) if isinstance(step, Solve)):
+            return np.arange(self.count)
+        return unfilled(program, wanted, self.count)
+
+    @cached_property
+    def rounded_by(self) -> np.ndarray:
+        """The discrete variables on which `rounding` depends."""
+        wanted = np.concatenate([self.plan.count + np.arange(self.zero_count), self.plan.derivatives])
+        read = unfilled(needed_steps(self._program, wanted, self.count), wanted, self.count)
+        found: np.ndarray = self.events.discrete[np.isin(self.registers, read)]
+        return found
 
     def _timed(self, k: int, r: Relations) -> Timed | None:
         """The relation as one of time alone."""
