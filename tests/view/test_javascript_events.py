@@ -213,10 +213,11 @@ def test_assertions_and_contradictions_end_a_run_with_their_reason():
     asserted = BOUNCE.replace("    n = pre(n) + 1;", '    n = pre(n) + 1;\n    assert(n < 2, "one is enough");')
     overlapping = PUSHED.replace("L = 0)", "L = deep)").replace("Real e = 0.6", "Real e = 0.6, deep = 0.1")
     scenes = [(asserted, "one is enough", {"g": 60.0}), (overlapping, "gap of 'floor' is negative", {"deep": 1.5})]
+    scenes += [(BOUNCE, "switches back and forth", {"e": 0.05})]
     cases = []
     for text, reason, changed in scenes:
         dae = lmoc.compile_text(text)
-        with pytest.raises(lmoc.SimulationError if "assert" in text else lmoc.ModelError, match=reason):
+        with pytest.raises(lmoc.SimulationError if "reinit" in text else lmoc.ModelError, match=reason):
             dae.simulate(stop=0.6, parameters=changed)
         run = dae.simulate(stop=0.6, points=7)
         script = write_script(run.trajectory)

@@ -63,6 +63,33 @@ def test_bounces_without_end_are_recognized(solver: str) -> None:
     assert failed.value.time == pytest.approx(sqrt(2 / G) * 1.7 / 0.3, abs=1e-6)  # Zeno's time
 
 
+@pytest.mark.parametrize("solver", ["auto", "dop853", "taylor", "cvode", "adams", "radau", "ida"])
+def test_no_ball_falls_through_its_floor(solver: str) -> None:
+    """Hops that become too low to be seen end a run: however fast they do, wherever the floor is, with every method."""
+    ball = BALL.replace("start = 1,", "start = floor + 1,").replace("h <= 0", "h <= floor")
+    ball = ball.replace("e = 0.7", "e = 0.7, floor = 0")
+    dae = lmoc.compile_text(ball)
+    for e, floor in ((0.05, 0.0), (0.5, 5.0)):
+        zeno = sqrt(2 / G) * (1 + e) / (1 - e)
+        with pytest.raises(lmoc.SimulationError, match="switches back and forth") as failed:
+            dae.simulate(stop=2 * zeno, parameters={"e": e, "floor": floor}, rtol=1e-6, solver=solver)
+        assert failed.value.time == pytest.approx(zeno, rel=1e-2)
+
+
+def test_what_a_jump_stops_goes_on() -> None:
+    """A body that is stopped is no hop: what follows is what the equations say."""
+    text = """model M Real x(start = 1, fixed = true), v(start = -1, fixed = true);
+    Boolean held(start = false, fixed = true);
+    equation der(x) = v; der(v) = if held then 0 else -1;
+    when x <= 0.5 then reinit(v, 0); held = true; end when; end M;"""
+    result = run(text, stop=2)
+    assert result["x"][-1] == pytest.approx(0.5, abs=1e-12)
+    assert len(times_of(result)) == 1
+    falls = run(text.replace("if held then 0 else -1", "-1"), stop=2)  # nothing holds it: it falls on from rest
+    since = 2 - (sqrt(2) - 1)
+    assert falls["x"][-1] == pytest.approx(0.5 - since**2 / 2, abs=1e-9)
+
+
 def test_a_chattering_condition_is_named_with_its_line() -> None:
     text = "model M Real x(start = 1, fixed = true);\nequation\n  der(x) = -1e9*(if x > 0.5 then 1 else -1);\nend M;"
     with pytest.raises(lmoc.SimulationError, match=r"'x > 0.5' \(.*, line 3\) switches back and forth"):

@@ -190,11 +190,14 @@ class DiscreteState:
     def quiet(self, t: float, x: np.ndarray, height: np.ndarray) -> np.ndarray:
         """Return which root functions are zero but for rounding where they are no higher than so much, (roots,)."""
         mask = np.zeros(len(height), bool)
-        height = height[: self.layout.zero_count] - self.margin
-        near = self._may_be_rounding(t, x, height)
-        if near.any():
-            mask[: len(near)] = near & (height <= NOISES * self.rounding(t, x))
+        mask[: self.layout.zero_count] = ~self.tells(t, x, height[: self.layout.zero_count], self.margin)
         return mask
+
+    def tells(self, t: float, x: np.ndarray, height: np.ndarray, off: np.ndarray) -> np.ndarray:
+        """Return which zero functions of so much are not zero but for rounding, and what else they may be off."""
+        height = height - off
+        near = self._may_be_rounding(t, x, height)
+        return (height > NOISES * self.rounding(t, x)) | ~near if near.any() else ~near
 
     def remember(self) -> None:
         """``pre(v) := v``."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -12,12 +11,12 @@ from lmoc.expression.dag import slots
 from lmoc.ir.events import Events
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, Subject
-from lmoc.messages.source import Span as SourceSpan
+from lmoc.numerics.events.chatter import Crossings, where
 from lmoc.numerics.events.clock import next_time, ring
 from lmoc.numerics.events.discrete_state import DiscreteState, Happened, NotAState, Unsettled, differ, near_to
+from lmoc.numerics.events.hops import notice_wrong_ways, turned_back
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import Steps
-from lmoc.numerics.failures.chatter import FRICTION_HINT
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan.plan import Plan
@@ -29,10 +28,7 @@ from lmoc.structure.laws.degree import dependent
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.change import RunState
 
-_CHATTER = 12  # changes of one condition …
-_MOMENT = 1e-9  # … within this part of the run, which is chattering
 _ROUNDS = 50  # of finding states and discrete values at the start that agree
-_SHORTLY = 1e-6  # part of the time since the last event
 _PHASE = 200.0  # rad, that a sine in a condition goes on in a step at most
 _LOOKS = 120  # steps at least in a run with relations of time that are not linear in it
 
@@ -72,8 +68,7 @@ class EventHandler:
         self.report = report
         self.records: list[Event] = []
         self.next = np.inf
-        self._last = span[0]
-        self._times: dict[int, deque[float]] = {}  # when each zero function has last crossed zero
+        self._crossings = Crossings(*span)
         self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
 
     def _ledger_row(self, name: str) -> int:
@@ -196,7 +191,7 @@ class EventHandler:
         """Return what ends the present segment earlier."""
         if not self.layout.zero_count:
             return None
-        return Roots(self.discrete.roots, self.discrete.signs(), quiet=self.discrete.quiet)
+        return Roots(self.discrete.roots, self.discrete.signs(), quiet=self.discrete.quiet, soon=self._crossings.soon)
 
     @property
     def is_over(self) -> bool:
@@ -219,10 +214,12 @@ class EventHandler:
         t, x = outcome.time, outcome.x
         if outcome.status is Status.ROOT:
             crossed, upwards = self._crossed(outcome.roots)
-            self._notice_chatter(t, crossed)
+            self._crossings.cross(self.layout, t, crossed)
+            notice_wrong_ways(self.discrete, self._crossings, outcome, crossed)
+            off = np.abs(self.layout.zeros(t, x))
             behind = self._event(t, x, "when", lambda: self._turn(crossed, upwards))
             self.discrete.crossed(crossed)
-            return behind if behind is x else self._leave(t, behind, crossed)
+            return behind if behind is x else self._leave(outcome, behind, crossed, off)
         if t >= self.next - near_to(t):
             return self._event(t, x, "time")
         if self.layout.events.terminal >= 0 and self.discrete.v[self.layout.events.terminal] == 0:
@@ -245,32 +242,17 @@ class EventHandler:
         """Return the next time event where it is as near to a time as that, else the time."""
         return self.next if abs(self.next - t) <= near else t
 
-    def _leave(self, t: float, x: np.ndarray, crossed: np.ndarray) -> np.ndarray:
-        """Let conditions at zero change back where the jump of states sends them to the side they came from.
-
-        A ball that has just been turned at h = 0 has left ``h <= 0`` at once, without an event of its own.
-        """
-        discrete, layout = self.discrete, self.layout
-        since = t - self._last
-        self._last = t
-        discrete.push()
-        discrete.look(t, x)
-        near = crossed[~layout.rounded[crossed] & (np.abs(discrete.zero[crossed]) < discrete.margin[crossed])]
-        if not len(near) or not since > 0:
-            return x
-        layout.rates.prepare(discrete.base, discrete.signals)
-        short = _SHORTLY * since
-        ahead = layout.zeros(t + short, x + short * layout.rates(t, x))[near]
-        now = discrete.v[layout.zero_target[near]] > 0
-        back = near[(np.abs(ahead) > discrete.margin[near]) & ((ahead > 0) != now)]
+    def _leave(self, outcome: Outcome, x: np.ndarray, crossed: np.ndarray, off: np.ndarray) -> np.ndarray:
+        """Let conditions at zero change back where the jump of states sends them to the side they came from."""
+        back = turned_back(self.discrete, self._crossings, outcome, x, crossed, off)
         if not len(back):
             return x
 
         def turn() -> None:
-            targets = layout.zero_target[back]
-            discrete.v[targets] = 1.0 - discrete.v[targets]
+            targets = self.layout.zero_target[back]
+            self.discrete.v[targets] = 1.0 - self.discrete.v[targets]
 
-        return self._event(t, x, "when", turn)
+        return self._event(outcome.time, x, "when", turn)
 
     def settle(self, t: float, x: np.ndarray) -> np.ndarray:
         """Do what follows from a change of the continuous equations at an instant. Raises as `after`."""
@@ -362,7 +344,7 @@ class EventHandler:
             check = self.layout.flat.checks[k]
             message = self.layout.flat.message_of(check, row)
             if check.error:
-                raise Stopped(Status.ASSERTION, f"an assertion does not hold: {_where(message, check.span)}")
+                raise Stopped(Status.ASSERTION, f"an assertion does not hold: {where(message, check.span)}")
             self.report.warning("W0551", f"{message} (t = {t:.6g} s)", check.span)
 
     def _warn_of_lost(self, t: float) -> None:
@@ -375,28 +357,11 @@ class EventHandler:
         message = f"{flat.variable_name(first)} has no finite value ({self.discrete.v[first]:g}) at t = {t:g} s"
         self.report.warning("W0537", message, flat.block_at(first).span, subject=Subject.NOT_FINITE)
 
-    def _notice_chatter(self, t: float, crossed: np.ndarray) -> None:
-        """Raise `Stopped` where a condition switches again and again without the run getting on."""
-        moment = _MOMENT * max(self.end - self.begin, near_to(t))
-        busy = []
-        for k in crossed.tolist():
-            times = self._times.setdefault(k, deque(maxlen=_CHATTER))
-            times.append(t)
-            if len(times) == _CHATTER and t - times[0] <= moment:
-                busy.append(k)
-        if not busy:
-            return
-        relations = [self.layout.relation_at(k) for k in self._times if t - self._times[k][-1] <= moment]
-        places = list(dict.fromkeys(_where(r.text, r.span) for r in relations))[:2]
-        what, verb = " and ".join(places), "switches" if len(places) == 1 else "switch"
-        many = f"{verb} back and forth: {_CHATTER} times within {t - self._times[busy[0]][0]:.1g} s"
-        raise Stopped(Status.CHATTERING, f"{what} {many} ({FRICTION_HINT})")
-
     def _unsettled(self, unsettled: Unsettled, t: float) -> Stopped:
         flat = self.layout.flat
         names = [flat.variable_name(int(v)) for v in unsettled.variables[:3]]
         spans = [flat.block_at(int(v)).span for v in unsettled.variables[:3]]
-        places = " and ".join(dict.fromkeys(_where(n, s) for n, s in zip(names, spans, strict=True)))
+        places = " and ".join(dict.fromkeys(where(n, s) for n, s in zip(names, spans, strict=True)))
         reason = f"no values satisfy all equations at t = {t:g} s: {places} changes again and again"
         return Stopped(Status.UNSETTLED, reason)
 
@@ -420,12 +385,6 @@ def told_variables(plan: Plan) -> np.ndarray:
         used[group.slots[:, columns]] = True
     every = np.concatenate([*targets, np.zeros(0, int)])
     return np.concatenate([every[used[every]], *(b.offset + np.arange(b.size) for b in own)]).astype(int)
-
-
-def _where(name: str, span: SourceSpan | None) -> str:
-    if span is None or span.source is None:
-        return f"'{name}'"
-    return f"'{name}' ({span.source.name}, line {span.line})"
 
 
 def _shown(quantity: str, value: float) -> str:

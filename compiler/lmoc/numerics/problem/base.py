@@ -149,6 +149,7 @@ class Roots:
     largest : (n,) the magnitude of each state where the functions have been looked at; kept on the way
     quiet : callable (t, x, heights (m,)) -> (m,) bool
         Which functions that have been no higher than so much in a step are zero but for rounding: they have no roots
+    soon : s, after which a function that has just left zero is expected back; infinity where none has
     """
 
     values: Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -156,6 +157,7 @@ class Roots:
     reached: Callable[[float, np.ndarray, np.ndarray, np.ndarray], bool] = lambda t, x, which, signs: True
     largest: np.ndarray | None = None
     quiet: Callable[[float, np.ndarray, np.ndarray], np.ndarray] = lambda t, x, heights: np.zeros(len(heights), bool)
+    soon: float = np.inf
 
 
 def joined(found: Sequence[Roots]) -> Roots:
@@ -175,7 +177,8 @@ def joined(found: Sequence[Roots]) -> Roots:
         parts = zip(found, np.split(which, ends), np.split(signs, ends), strict=True)
         return any([one.reached(t, x, own, now) for one, own, now in parts if own.any()])  # each is told
 
-    return Roots(values, np.concatenate([one.signs for one in found]), reached, quiet=quiet)
+    signs = np.concatenate([one.signs for one in found])
+    return Roots(values, signs, reached, quiet=quiet, soon=min(one.soon for one in found))
 
 
 @dataclass

@@ -22,6 +22,7 @@ PROPERTIES = Properties(
 )  # fmt: skip
 
 _LOOK = 64  # evaluations between two looks at the clock
+_SOON = 16.0  # steps at least to where a function that has just left zero is back: order 1 bends a hop's first ones
 
 
 def begin(problem: Problem, method: str = "bdf") -> Integration:
@@ -59,13 +60,15 @@ class Multistep(Integration):
         self._x: np.ndarray | None = problem.x  # None while it is what the session has
         self._good = problem.x  # the last state that was looked at
         self._counts: dict[str, int] = {}
+        self._soon = np.inf if problem.roots is None else problem.t + problem.roots.soon
 
     def given(self, y: np.ndarray, atol: np.ndarray, fill) -> Given:
         """Return what a session is given; y and atol in the solver's order."""
         own, problem = self.layout, self.problem
         matrix = JacobianStorage(own.kind, fill, own.lower, own.upper, own.indptr, own.indices)
         span = problem.t, problem.end
-        return Given(y, *span, problem.rtol, atol, matrix, problem.max_steps, problem.max_step)
+        longest = min(problem.max_step, (self._soon - problem.t) / _SOON)
+        return Given(y, *span, problem.rtol, atol, matrix, problem.max_steps, longest)
 
     # ------------------------------------------------------------------ orders
 
@@ -110,6 +113,9 @@ class Multistep(Integration):
 
     def step(self) -> Status:
         self.steps += 1
+        if self._soon < self.t:
+            self._soon = np.inf
+            self.session.limit_steps(self.problem.max_step)
         return self._moved(self.session.step())
 
     @property

@@ -79,7 +79,11 @@ class SundialsSession(ABC):
         self.least = sun.least_step(given.t, given.end)
         self.call("SetMinStep", self.least)
         if np.isfinite(given.max_step):
-            self.call("SetMaxStep", given.max_step)
+            self.limit_steps(given.max_step)
+
+    def limit_steps(self, longest: float) -> None:
+        """Make no step longer than so many seconds; infinity where there is no limit."""
+        self.call("SetMaxStep", longest if np.isfinite(longest) else 0.0)  # the library's word for none
 
     @abstractmethod
     def create(self) -> c_void_p:

@@ -7,7 +7,10 @@ import { Stopped } from "./stopped.js";
 const CHANGES = 12; // of one condition …
 const MOMENT = 1e-9; // … within this part of the run, which is chattering
 const START_ROUNDS = 50; // of finding states and discrete values at the start that agree
-const SHORTLY = 1e-6; // part of the time since the last event
+const SHORTLY = 1e-2; // part of the time since the last crossing, over which the way from zero is looked at
+const SEEN = 200; // times what its zero may be off, which a hop is higher than; a margin ends at 100 times itself
+const STOPPED = 1e-3; // of the speed with which a function has come to zero, below which a jump has stopped it
+const ULPS = 4 * 2 ** -52;
 const LEAST_LOOKS = 120; // steps at least in a run with relations of time that are not linear in it
 const CONTINUOUS = 1e-9; // share of a value by which it may change at an event and still be continuous
 
@@ -18,7 +21,6 @@ export class EventHandler {
     this.discrete = new DiscreteState(scene);
     this.records = [];
     this.next = Infinity;
-    this.last = data.begin;
     this.times = new Map(); // when each zero function has last crossed zero
   }
 
@@ -80,9 +82,11 @@ export class EventHandler {
       const above = new Set(rounded.filter((_, i) => roots[own.zeros.length + i]));
       const crossed = [...own.zeros.keys()].filter((k) => roots[k] || above.has(k));
       this.noticeChatter(t, crossed);
+      discrete.look(t, x);
+      const off = new Map(crossed.map((k) => [k, Math.abs(discrete.zero(k))]));
       const behind = this.event(t, x, "when", () => this.turn(crossed, above));
       discrete.crossed(crossed);
-      return behind === x ? behind : this.leave(t, behind, crossed);
+      return behind === x ? behind : this.leave(t, x, behind, crossed, off);
     }
     if (t >= this.next - nearTo(t)) return this.event(t, x, "time");
     if (own.terminal >= 0 && this.scene.w[own.terminal] === 0) return this.event(t, x, "terminal");
@@ -99,25 +103,66 @@ export class EventHandler {
     return Math.abs(this.next - t) <= near ? this.next : t;
   }
 
-  /** Let conditions at zero change back where the jump of states sends them to the side they came from. */
-  leave(t, x, crossed) {
+  /**
+   * Let conditions at zero change back where the jump of states sends them to the side they came from. Where the way back
+   * is too short to be told from none, the run ends: a ball would go on through its floor.
+   */
+  leave(t, before, x, crossed, off) {
     const { discrete, own, scene } = this;
-    const since = t - this.last;
-    this.last = t;
     discrete.look(t, x);
-    const near = crossed.filter((k) => !own.rounded[k] && Math.abs(discrete.zero(k)) < discrete.margin[k]);
+    const near = crossed.filter((k) => {
+      return !own.rounded[k] && Math.abs(discrete.zero(k)) <= Math.max(discrete.margin[k], 2 * off.get(k));
+    });
+    const since = t - Math.max(...near.map((k) => this.times.get(k).at(-2) ?? this.begin));
     if (near.length === 0 || !(since > 0)) return x;
-    const rates = new Float64Array(x.length);
-    scene.rates(t, x, rates);
     const short = SHORTLY * since;
-    discrete.look(t + short, x.map((v, j) => v + short * rates[j]));
-    const ahead = near.map((k) => discrete.zero(k));
-    discrete.look(t, x);
+    const [now, past] = [x, before].map((states) => this.ways(t, states, near, short));
+    const noise = ULPS * Math.max(...x.map(Math.abs), ...before.map(Math.abs));
     const isUp = (k) => scene.w[own.zeroTargets[k]] > 0;
-    const back = near.filter((k, i) => Math.abs(ahead[i]) > discrete.margin[k] && ahead[i] > 0 !== isUp(k));
+    const back = [];
+    near.forEach((k, i) => {
+      const { slope, height } = now[i];
+      if (slope === 0 || slope > 0 === isUp(k)) return;
+      const place = Math.max(2 * off.get(k), Math.abs(slope) * nearTo(t));
+      const moves = Math.abs(slope) > Math.max(noise / short, STOPPED * Math.abs(past[i].slope));
+      if (height > SEEN * Math.max(place, noise)) {
+        back.push(k);
+        discrete.margin[k] = place;
+      } else if (moves) {
+        throw new Stopped(`'${own.texts[k]}' switches back and forth at t = ${t.toPrecision(6)} s: its next hop is too low to be seen`);
+      }
+    });
+    discrete.look(t, x);
     if (back.length === 0) return x;
     return this.event(t, x, "when", () => {
       for (const k of back) scene.w[own.zeroTargets[k]] = 1 - scene.w[own.zeroTargets[k]];
+    });
+  }
+
+  /** The slopes of zero functions, and how high they rise before they come back, as of `numerics/events/excursion.py`. */
+  ways(t, x, zeros, short) {
+    const { discrete, scene } = this;
+    const rates = (time, states) => {
+      const found = new Float64Array(x.length);
+      scene.rates(time, states, found);
+      return found;
+    };
+    const values = (time, states) => {
+      discrete.look(time, states);
+      return zeros.map((k) => discrete.zero(k));
+    };
+    const rate = rates(t, x);
+    const along = (s, bend) => x.map((v, j) => v + s * rate[j] + 0.5 * s * s * bend[j]);
+    const straight = new Float64Array(x.length);
+    const next = rates(t + short, along(short, straight));
+    const bend = rates(t - short, along(-short, straight)).map((v, j) => (next[j] - v) / (2 * short));
+    const here = values(t, x);
+    const [ahead, behind] = [short, -short].map((s) => values(t + s, along(s, straight)));
+    const [on, back] = [short, -short].map((s) => values(t + s, along(s, bend)));
+    return zeros.map((_, i) => {
+      const slope = (ahead[i] - behind[i]) / (2 * short);
+      const curvature = (on[i] - 2 * here[i] + back[i]) / short ** 2;
+      return { slope, height: slope * curvature < 0 ? (0.5 * slope ** 2) / Math.abs(curvature) : Infinity };
     });
   }
 
