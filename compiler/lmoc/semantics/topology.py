@@ -11,10 +11,10 @@ from collections import Counter
 import numpy as np
 
 from lmoc.semantics.connections.overdetermined import Graph, graph, overdetermined_record
-from lmoc.semantics.drafts.draft import Drafts
+from lmoc.semantics.drafts.draft import ConnectDraft, Drafts, RootDraft
 from lmoc.semantics.equations import EquationSection
 from lmoc.semantics.mistakes.wrong import Wrong
-from lmoc.semantics.nodes.instance import Instance, InstanceNode
+from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable
 from lmoc.semantics.values.builtins import builtin
 from lmoc.semantics.values.context import Context, Model
 from lmoc.semantics.values.reference import element_index, find_start, locate
@@ -63,11 +63,9 @@ class Topology:
         """Refuse connects that depend on what connects there are (9.4.1): the answers given would be wrong."""
         if self._drafts is None:
             return
-        read = {id(c.span.source): set() for c in drafts.connects}
-        for one in (*self._drafts.connects, *self._drafts.roots):
-            read.setdefault(id(one.span.source), set()).add((one.span.start, len(one.left_index)))
-        for one in (*drafts.connects, *drafts.roots):
-            if (one.span.start, len(one.left_index)) not in read[id(one.span.source)]:
+        read = set(_places(self._drafts))
+        for one, place in zip(_statements(drafts), _places(drafts), strict=True):
+            if place not in read:
                 raise Wrong("E0211", "this depends on what is connected, by cardinality, isRoot or rooted", one.span,
                             expected="a condition that parameters decide")  # fmt: skip
 
@@ -105,6 +103,15 @@ def _elements(index: Index) -> list[int]:
     return [int(k) for k in np.ravel(index)]
 
 
+def _statements(drafts: Drafts) -> list[ConnectDraft | RootDraft]:
+    return [*drafts.connects, *drafts.roots]
+
+
+def _places(drafts: Drafts) -> list[tuple[int, int, int]]:
+    """Return source, place and rows of each statement about what is connected."""
+    return [(id(s.span.source), s.span.start, len(s.left_index)) for s in _statements(drafts)]
+
+
 @builtin("cardinality")
 def _cardinality(context: Context, call: tree.Call) -> Value:
     """The number of connects in which a connector stands (3.7.4.3)."""
@@ -113,10 +120,11 @@ def _cardinality(context: Context, call: tree.Call) -> Value:
     ref = call.arguments[0]
     start = find_start(context, ref)
     located = locate(context, ref, start) if isinstance(start, InstanceNode) else None
-    if located is None or not located.node.connector or located.dims:
+    node = None if located is None else located.node
+    if located is None or not isinstance(node, Instance | Variable) or not node.connector or located.dims:
         raise Wrong("E0301", "'cardinality' takes a connector", ref.span)
     counts, index = _topology(context, call).counts(call), element_index(context, located)
-    return _of_elements(context, index, [counts[id(located.node), k] for k in _elements(index)], "Integer")
+    return _of_elements(context, index, [counts[id(node), k] for k in _elements(index)], "Integer")
 
 
 @builtin("Connections.isRoot")

@@ -7,10 +7,10 @@ import os
 import pickle
 from collections.abc import Callable, Sequence
 from functools import cache as once
-from typing import TypeVar
+from typing import Any, TypeVar
 from zlib import crc32
 
-from lmoc.messages.diagnostics import Report
+from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.messages.source import Source
 from lmoc.support import cache
 from lmoc.syntax import tree
@@ -35,7 +35,7 @@ def kept(entry: str, texts: Sequence[str], make: Callable[[], T]) -> T:
 def package_file_tree(source: Source, report: Report) -> tree.File:
     """Return the tree of a file of a package, as `parse_classwise`."""
 
-    def make() -> tuple[tree.File, list]:
+    def make() -> tuple[tree.File, list[Diagnostic]]:
         _make_room()
         found = Report()
         return parse_classwise(source, found), found.diagnostics
@@ -64,7 +64,7 @@ def _program() -> bytes:
     return cache.fingerprint(*files)
 
 
-def unpacked(data: bytes):
+def unpacked(data: bytes) -> Any:
     """Return the trees in a file of the cache; None if they cannot be made from it."""
     collecting = gc.isenabled()
     gc.disable()  # thousands of objects that all stay: looking for garbage among them doubles the time

@@ -210,7 +210,8 @@ class WayToStart:
             except ModelError as error:
                 step *= 0.25
                 if step < _SHORTEST_STEP:
-                    return _no_way(report, weight, error)
+                    _no_way(report, weight, error)
+                    return None
                 continue
             weight, step = then, 2.0 * step or _FIRST_STEP
         return near

@@ -42,11 +42,13 @@ def overdetermined_record(context: Context, e: tree.Expression, call: tree.Call)
     """Return the record of a connector that an argument of ``Connections.…`` names, and which elements of its array."""
     start = find_start(context, e) if isinstance(e, tree.Ref) else None
     located = locate(context, e, start) if isinstance(start, InstanceNode) else None
-    if located is None or constraint_of(located.node) is None or not located.node.inside_connector:
+    node = None if located is None else located.node
+    known = isinstance(node, Instance) and constraint_of(node) is not None and node.inside_connector
+    if located is None or not isinstance(node, Instance) or not known:
         raise Wrong("E0301", f"'{call.function}' takes a record of a connector that has an equalityConstraint", e.span)
     if located.dims:
         raise Wrong("E0301", f"'{call.function}' takes one record, not an array of them", e.span)
-    return located.node, element_index(context, located)
+    return node, element_index(context, located)
 
 
 def residues(model: Model, node: Instance) -> int:
