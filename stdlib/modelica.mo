@@ -88,6 +88,17 @@ package Modelica "Elements of Modelica's library that its own text leaves to C, 
           end if;
         end for;
       end CombiTimeTable;
+      block TimeTable "A line through points over time, which may jump; before the start the offset, after the last point the last line"
+        extends Modelica.Blocks.Interfaces.SignalSource;
+        parameter Real table[:, 2] = fill(0.0, 0, 2) "Times and values";
+        parameter Real timeScale(unit = "s") = 1;
+        parameter Real shiftTime(unit = "s") = startTime;
+      protected
+        CombiTimeTable lines(final table = table, final columns = {2}, final timeScale = timeScale, final offset = {offset},
+          final startTime = startTime, final shiftTime = shiftTime);
+      equation
+        y = lines.y[1];
+      end TimeTable;
     end Sources;
     package Tables
       block CombiTable1Ds "Tables over one input: lines or steps between their points"

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lmoc.numerics.solve.newton import Newton, Retries, iterate
+import lmoc
+from lmoc.numerics.solve.newton import Newton, Retries, iterate, vanishes
 
 
 def solved(f, slope, guess: float) -> tuple[float, int]:
@@ -92,3 +93,12 @@ def test_retries_become_rarer_until_one_succeeds(failed):
     assert retries.due(0)  # where counting has begun anew
     retries.note(True, now)
     assert retries.due(now)
+
+
+def test_what_has_overflowed_is_no_solution() -> None:
+    """An exponential that overflows far below zero: infinity is not small beside infinity."""
+    steep = np.array([[[np.inf]]])
+    assert not vanishes(steep, np.array([[np.inf]]), np.array([[-250.0]])).any()
+    run = lmoc.compile_text("""model M Real i(start = 0, fixed = true); Real v; equation 2e-3*der(i) = 10*sin(time) - v;
+      i = smooth(1, if v < -100 then -0.1*exp(-(v + 100)/0.03) else 1e-3*v); end M;""").simulate(stop=1, points=11)
+    assert run["v"] == pytest.approx(10 * np.sin(run.time), abs=1e-4)

@@ -13,7 +13,8 @@ from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
 from lmoc.syntax import tree
 
-NAMES = frozenset(("interpolate", "CombiTimeTable", "CombiTable1Ds", "CombiTable1Dv"))  # without their packages
+# without their packages
+NAMES = frozenset(("interpolate", "TimeTable", "CombiTimeTable", "CombiTable1Ds", "CombiTable1Dv"))
 
 
 def native(full_name: str) -> tree.Class | None:

@@ -105,11 +105,12 @@ TYPES = """package Modelica
       type TimeEvents = enumeration(Always, AtDiscontinuities, NoTimeEvents);
     end Types;
     package Interfaces
+      partial block SignalSource output Real y; parameter Real offset = 0; parameter Real startTime = 0; end SignalSource;
       partial block MO parameter Integer nout = 1; output Real y[nout]; end MO;
       partial block SIMO parameter Integer nout = 1; input Real u; output Real y[nout]; end SIMO;
       partial block MIMOs parameter Integer n = 1; input Real u[n]; output Real y[n]; end MIMOs;
     end Interfaces;
-    package Sources block CombiTimeTable Real theirs = 1; end CombiTimeTable; end Sources;
+    package Sources block CombiTimeTable Real theirs = 1; end CombiTimeTable; block TimeTable end TimeTable; end Sources;
     package Tables block CombiTable1Ds end CombiTable1Ds; block CombiTable1Dv end CombiTable1Dv; end Tables;
   end Blocks;
 end Modelica;"""
@@ -137,6 +138,17 @@ def test_tables_over_time() -> None:
     assert found[away] == pytest.approx(np.interp(t[away] % 4, x, y), abs=1e-9)
     t, found = signal(f"{table}, smoothness = {types}.Smoothness.ConstantSegments")
     assert [float(found[np.searchsorted(t, at)]) for at in (0.5, 2, 5)] == [1, 5, 2]
+
+
+def test_a_table_of_two_columns_over_time() -> None:
+    """Nothing but the offset before the start, a jump, and the last line after the last point."""
+    given = "table = [0, 1; 1, 3; 1, 5; 4, 2], offset = 10, startTime = 0.5, timeScale = 0.5"
+    model = f"model M Modelica.Blocks.Sources.TimeTable t({given}); end M;"
+    run = lmoc.compile_text(TYPES + model, model="M").simulate(stop=4, points=801)
+    x = (run.time - 0.5) / 0.5
+    expected = 10 + np.where(x < 0, 0, np.where(x < 1, 1 + 2 * x, 6 - x))
+    away = (np.abs(x) > 1e-6) & (np.abs(x - 1) > 1e-6)
+    assert run["t.y"][away] == pytest.approx(expected[away], abs=1e-9)
 
 
 def test_tables_over_an_input_and_interpolation() -> None:

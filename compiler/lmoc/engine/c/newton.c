@@ -36,7 +36,7 @@ static int arrived(double length, double before, double size) {
   return before < INFINITY && length <= SQUARED * size && length * size <= CURVED * before * before;
 }
 
-/* Whether the residuals vanish to rounding: the terms of row k are |a(k,j) u(j)|. */
+/* Whether the residuals vanish to rounding: the terms of row k are |a(k,j) u(j)|, and finite. */
 static int vanishes(const lmoc_block *m, const double *a, const double *w, const int32_t *u, const int32_t *r, double *b) {
   for (int64_t k = 0; k < m->size; k++) b[k] = 0;
   if (m->start)
@@ -46,7 +46,7 @@ static int vanishes(const lmoc_block *m, const double *a, const double *w, const
     for (int64_t k = 0; k < m->size; k++)
       for (int64_t j = 0; j < m->size; j++) b[k] += fabs(a[k*m->size + j] * w[u[j]]);
   for (int64_t k = 0; k < m->size; k++)
-    if (!(fabs(w[r[k]]) <= ROUNDING * b[k])) return 0;
+    if (!(fabs(w[r[k]]) <= ROUNDING * b[k] && b[k] < INFINITY)) return 0;
   return 1;
 }
 

@@ -48,9 +48,12 @@ def dense_solve(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def vanishes(a: np.ndarray, r: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Return which instances are solved to rounding: (instances,), from matrix, residual and unknowns."""
+    """Return which instances are solved to rounding: (instances,), from matrix, residual and unknowns.
+
+    Where a term has overflowed, nothing is solved.
+    """
     terms = (np.abs(a) @ np.abs(u)[..., None])[..., 0]
-    return (np.abs(r) <= _ROUNDING * terms).all(axis=-1)
+    return ((np.abs(r) <= _ROUNDING * terms) & (terms < np.inf)).all(axis=-1)
 
 
 def correction(a: np.ndarray, r: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.mistakes.wrong import Exhausted, NotAlike, Wrong
+from lmoc.semantics.mistakes.wrong import Exhausted, NotAlike, NotKnown, Wrong
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
@@ -24,7 +24,7 @@ from lmoc.semantics.values.formals import LocalVariable, in_order_of_use, mismat
 from lmoc.semantics.values.reference import Slice, subscript
 from lmoc.semantics.values.rows import Index
 from lmoc.semantics.values.translate import changes, choose, sizes_differ, warn_kink
-from lmoc.semantics.values.value import Value, as_real, number, record, stack
+from lmoc.semantics.values.value import Value, as_real, from_numbers, number, record, stack
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
@@ -364,6 +364,7 @@ class Algorithm:
         self._branch(Value(dag.function("not", gone), (), "Boolean"), inner, (), s.indices[0].span)
 
     def _while(self, s: tree.WhileStatement) -> None:
+        self.values.update({name: self._in_numbers(value, s.condition.span) for name, value in self.values.items()})
         for _ in range(MAX_ITERATIONS):
             self.context.model.rounds.spend(1, s.condition.span)
             condition = self.context.value(s.condition)
@@ -378,6 +379,20 @@ class Algorithm:
                 message = "'return' and 'break' in a 'while' need a condition that is known when compiling"
                 raise Wrong("E0222", message, s.condition.span)
         raise Wrong("E0222", f"this 'while' does not end within {MAX_ITERATIONS} iterations", s.condition.span)
+
+    def _in_numbers(self, value: Value, span: Span) -> Value:
+        """What parameters decide, as numbers: how often a loop runs depends on it, and its branches do not pile up."""
+        if value.fields is not None:
+            fields = {name: self._in_numbers(field, span) for name, field in value.fields.items()}
+            return record(fields, value.dims, value.type)
+        if value.items is not None:
+            return stack([self._in_numbers(item, span) for item in value.items], value.dims[1:], value.type)
+        if value.type == "String" or value.expr.is_const:
+            return value
+        try:
+            return from_numbers(self.context.alike(value, span), value.type)
+        except (NotKnown, NotAlike):
+            return value
 
 
 def name_ref(name: str, span: Span) -> tree.Ref:
