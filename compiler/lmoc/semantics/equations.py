@@ -47,6 +47,7 @@ class EquationSection:
         self.initial = initial
         self.quiet = int(initial)  # relations at the start make no events
         self.topology_only = False  # what says how parts are connected; mistakes are passed over
+        self.noted: list[tuple[Context, tree.Connect]] | None = None  # takes connects that are not translated yet
         self.trying = 0  # loops around that can be unrolled if their rows do not make one group
 
     def add(self, context: Context, equation: tree.Equation) -> None:
@@ -282,6 +283,9 @@ class EquationSection:
         if self.initial:
             raise Wrong("E0305", "connect is not possible in an initial equation", e.span)
         context = self._fresh(outer)
+        if self.noted is not None:
+            self.noted.append((context, e))
+            return
         ends = [self._end(context, ref) for ref in (e.left, e.right)]
         if None in ends:
             return  # one end is a conditional part that is absent: so is the connection (4.4.5)

@@ -44,7 +44,7 @@ from lmoc.semantics.mistakes.wrong import NoModel, SeveralModels, Wrong
 from lmoc.semantics.nodes.class_check import check_classes
 from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable, root_instance
 from lmoc.semantics.nodes.overrides import Overrides
-from lmoc.semantics.topology import Topology
+from lmoc.semantics.topology import Topology, expand
 from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
 from lmoc.semantics.values import texts as _texts  # noqa: F401  registers String
 from lmoc.semantics.values import variable_subscripts as _names  # noqa: F401  registers that of names
@@ -187,6 +187,7 @@ class _Flattening:
         if "ledger" in root.children:
             span = root.children["ledger"].name_span
             self.report.error("E0204", "'ledger' is the name of the energy ledger that every model has", span)
+        expand(model)
         self.layout = lay_out(root)
         model.topology = Topology(model)
         self._mark_discrete()

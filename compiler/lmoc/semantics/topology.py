@@ -10,6 +10,7 @@ from collections import Counter
 
 import numpy as np
 
+from lmoc.semantics.connections.expandable import Expansion, Noted, buses
 from lmoc.semantics.connections.overdetermined import Graph, graph, overdetermined_record
 from lmoc.semantics.drafts.draft import ConnectDraft, Drafts, RootDraft
 from lmoc.semantics.equations import EquationSection
@@ -39,25 +40,11 @@ class Topology:
             raise Wrong("E0211", f"'{call.function}' cannot decide about connects: it depends on them", call.span)
         if self._drafts is None:
             self._open = True
-            sums = self._model.long_sums
-            before = len(sums.sums), len(sums.variables)
-            drafts = Drafts()
             try:
-                for instance in self._model.root.instances():
-                    self._read_part(drafts, instance)
+                self._drafts = _connects(self._model)
             finally:
                 self._open = False
-                del sums.sums[before[0] :], sums.variables[before[1] :]
-            self._drafts = drafts
         return self._drafts
-
-    def _read_part(self, drafts: Drafts, instance: Instance) -> None:
-        for scope in instance.cls.lineage():
-            section = EquationSection(drafts, instance)
-            section.topology_only = True
-            context = Context(self._model, instance, scope)
-            for equation in scope.definition.equations:
-                section.add(context, equation)
 
     def check(self, drafts: Drafts) -> None:
         """Refuse connects that depend on what connects there are (9.4.1): the answers given would be wrong."""
@@ -85,6 +72,31 @@ class Topology:
                 for end, index in ((draft.left, draft.left_index), (draft.right, draft.right_index)):
                     self._counts.update((id(end), int(k)) for k in index)
         return self._counts
+
+
+def expand(model: Model) -> None:
+    """Give expandable connectors their elements."""
+    if buses(model.root):
+        noted: list[Noted] = []
+        _connects(model, noted)
+        Expansion(model, noted).run()
+
+
+def _connects(model: Model, noted: list[Noted] | None = None) -> Drafts:
+    """Read what says how parts are connected; `noted` takes the connects, which are not translated then."""
+    sums, drafts = model.long_sums, Drafts()
+    before = len(sums.sums), len(sums.variables)
+    try:
+        for instance in model.root.instances():
+            for scope in instance.cls.lineage():
+                section = EquationSection(drafts, instance)
+                section.topology_only, section.noted = True, noted
+                context = Context(model, instance, scope)
+                for equation in scope.definition.equations:
+                    section.add(context, equation)
+    finally:
+        del sums.sums[before[0] :], sums.variables[before[1] :]
+    return drafts
 
 
 def _topology(context: Context, call: tree.Call) -> Topology:

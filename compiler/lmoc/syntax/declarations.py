@@ -58,6 +58,8 @@ class Actions(PrefixActions):
     def class_definition(self, v: list, start: int, end: int) -> tree.Class:
         prefixes, kind, body = v[:3]
         self._refuse(prefixes, OF_COMPONENTS, f"a {kind.text}")
+        if kind.text != "connector":
+            self._refuse(prefixes, {"expandable"}, f"a {kind.text}")
         return self._class(prefixes, kind.text, body, _first(v[3:], Constraint), start, end)
 
     def _class(
@@ -84,6 +86,7 @@ class Actions(PrefixActions):
             kind=kind,
             partial="partial" in prefixes,
             encapsulated="encapsulated" in prefixes,
+            expandable="expandable" in prefixes,
             final="final" in prefixes,
             inner="inner" in prefixes,
             outer="outer" in prefixes,

@@ -105,12 +105,15 @@ TYPES = """package Modelica
       type TimeEvents = enumeration(Always, AtDiscontinuities, NoTimeEvents);
     end Types;
     package Interfaces
-      partial block SignalSource output Real y; parameter Real offset = 0; parameter Real startTime = 0; end SignalSource;
+      partial block SignalSource output Real y;
+        parameter Real offset = 0; parameter Real startTime = 0; end SignalSource;
       partial block MO parameter Integer nout = 1; output Real y[nout]; end MO;
       partial block SIMO parameter Integer nout = 1; input Real u; output Real y[nout]; end SIMO;
       partial block MIMOs parameter Integer n = 1; input Real u[n]; output Real y[n]; end MIMOs;
     end Interfaces;
-    package Sources block CombiTimeTable Real theirs = 1; end CombiTimeTable; block TimeTable end TimeTable; end Sources;
+    package Sources
+      block CombiTimeTable Real theirs = 1; end CombiTimeTable; block TimeTable end TimeTable;
+    end Sources;
     package Tables block CombiTable1Ds end CombiTable1Ds; block CombiTable1Dv end CombiTable1Dv; end Tables;
   end Blocks;
 end Modelica;"""

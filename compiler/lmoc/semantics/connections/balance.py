@@ -31,7 +31,7 @@ def check_connectors(instances: Sequence[Instance], model: Model) -> None:
     report = model.report
     seen: set[int] = set()
     for instance in instances:
-        if not instance.connector or id(instance.cls) in seen:
+        if not instance.connector or instance.expandable or id(instance.cls) in seen:
             continue
         seen.add(id(instance.cls))
         own = [v for v in instance.children.values() if isinstance(v, Variable) and v.kind > Kind.PARAMETER]

@@ -198,6 +198,11 @@ class Instance(InstanceNode):
         return self.kind == "connector"
 
     @property
+    def expandable(self) -> bool:
+        """Return whether it is a connector that gets elements from what is connected to it."""
+        return self.connector and self.cls.definition.expandable
+
+    @property
     def inside_connector(self) -> bool:
         """Return whether it is a connector, or a record in one."""
         node: Instance | None = self

@@ -48,11 +48,14 @@ class Model(Protocol):
     known: Known
     long_sums: Summation
     rounds: Budget
+    parts: Budget
     drafts: Any
     root: Instance
     topology: Any  # what is connected to what, once all parts are made
 
     def child(self, instance: Instance, name: str) -> InstanceNode: ...
+
+    def populate(self, instance: Instance) -> None: ...
 
     def in_the_making(self, instance: Instance, name: str) -> bool: ...
 

@@ -181,6 +181,8 @@ def step(context: Context, node: InstanceNode, part: tree.RefPart) -> InstanceNo
         message = f"'{node.name}' is a variable and has no element '{part.name}'"
         raise NoElement("E0201", message, part.span, "", guessed=False)
     found = node.cls.table.get(part.name)
+    if not isinstance(found, Member) and node.expandable and part.name in node.children:
+        return node.children[part.name]
     if not isinstance(found, Member):
         members = [n for n, m in node.cls.table.items() if isinstance(m, Member) and not m.protected]
         near = nearest(part.name, members)
@@ -196,7 +198,8 @@ def _require_present(node: InstanceNode, part: tree.RefPart) -> None:
     if isinstance(node, Broken):
         raise Wrong()
     if isinstance(node, Absent):
-        raise NotThere("E0218", f"'{node.name}' is absent here: its condition is false", part.span)
+        why = "its condition is false" if node.component.condition is not None else "nothing is connected to it"
+        raise NotThere("E0218", f"'{node.name}' is absent here: {why}", part.span)
 
 
 def _subscripts(context: Context, node: InstanceNode, part: tree.RefPart) -> list[Index | Slice]:
