@@ -17,6 +17,7 @@ from lmoc.messages.diagnostics import visible
 INTERRUPTED, TERMINATED = 130, 143  # 128 + the number of the signal, as shells tell it
 _OUTPUT_LOST = frozenset({errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EBADF, errno.EINVAL})
 _terminated = False
+_noted: int | None = None  # the pipe in which the interpreter notes signals, besides what handles them
 
 
 class _Closed(io.TextIOBase):
@@ -31,6 +32,7 @@ def prepare() -> None:
     global _terminated
     _terminated = False
     _occupy_closed_streams()
+    _note_signals()
     if sys.stdout is None:
         sys.stdout = _Closed()
     if sys.stderr is None:
@@ -87,6 +89,27 @@ def _occupy_closed_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
 
 
+def _note_signals() -> None:
+    global _noted
+    if _noted is not None:
+        return
+    _noted, note = os.pipe()
+    try:
+        for end in (_noted, note):
+            os.set_blocking(end, False)
+        signal.set_wakeup_fd(note, warn_on_full_buffer=False)
+    except (OSError, ValueError):  # not the main thread, or a system whose pipes cannot do that: none is noted
+        os.close(note)
+
+
+def _is_noted(number: int) -> bool:
+    """Return whether a signal has come since this was asked last."""
+    try:
+        return _noted is not None and number in os.read(_noted, 4096)
+    except BlockingIOError:
+        return False
+
+
 def _terminate(*_: object) -> None:
     global _terminated
     _terminated = True
@@ -101,12 +124,30 @@ def interruption_code() -> int:
 
 
 def came_from_interruption(error: BaseException) -> bool:
-    """Return whether an exception follows from Ctrl-C: C extensions turn it into an ImportError while they load."""
+    """Return whether an exception follows from Ctrl-C.
+
+    C extensions turn it into an error of their own while they load, some without a word of what they have caught.
+    """
+    if _is_noted(signal.SIGINT) and _while_loading(error):
+        return True
     seen: BaseException | None = error
     while seen is not None:
         if isinstance(seen, KeyboardInterrupt):
             return True
         seen = seen.__cause__ or seen.__context__
+    return False
+
+
+def _while_loading(error: BaseException) -> bool:
+    """Return whether an import was under way; the frames of the import itself are not in the traceback."""
+    from opcode import opmap  # looked at after a failure only
+
+    at = error.__traceback__
+    while at is not None:
+        code = at.tb_frame.f_code
+        if code.co_code[at.tb_lasti] == opmap["IMPORT_NAME"] or code.co_name == "import_module":
+            return True
+        at = at.tb_next
     return False
 
 
