@@ -285,6 +285,8 @@ def _as_run(
         own = Session(session.scene, flat, Clock())
         values = np.concatenate([prepared.values[: prepared.flat.count], own.values[prepared.flat.count :]])
         reduced = pipeline.reduce(flat, values, session.scene.states, Clock())
+        if reduced.state_names != prepared.reduced.state_names:  # what was added has led to others that serve as well
+            reduced = pipeline.reduce(flat, values, prepared.reduced.state_names, Clock())
         wanted = replace(request, inputs={**(request.inputs or {}), **inputs}, progress=None)
         return run_prepared(own, Prepared(flat, reduced, values), wanted, Clock())
 

@@ -224,7 +224,7 @@ def test_the_hand_pulls_while_the_scene_runs_and_the_address_gives_the_same_run(
     found = seen.answer
     assert seen.console == [] and found["playing"] == "true"
     assert found["drawn"].startswith("M") and found["gone"] == ""
-    assert "pull=" in found["hash"] and ",wheel," in found["hash"]
+    assert "pull=" in found["hash"] and ",wheel.flange," in found["hash"]
     assert float(found["energy"].split()[-1]) < 1e-4
     assert found["again"] == pytest.approx(found["first"], rel=1e-4) and found["first"] != found["free"]
 

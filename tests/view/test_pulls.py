@@ -1,16 +1,18 @@
 """The hand that pulls in a page: what it adds to a scene, against the same spring written in the model."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from oracles.node import needs_node, run_script
+from oracles.pulls import pulled_everywhere
 from scipy.integrate import solve_ivp
 
 import lmoc
-from lmoc.view.page.contents import contents
-from lmoc.view.page.hands import run_with_hands, with_hands
+from lmoc.view.page.contents import contents, drawn, movers
+from lmoc.view.page.hands import hands_at, run_with_hands, with_hands
 from lmoc.view.page.join import joined
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -57,12 +59,13 @@ end M;
 """
 CASES = {
     "line": (LINE, "Spring hand(k = 12); Fixed held(q0 = 0.4);",
-             "connect(held.flange, hand.b); connect(body.flange, hand.a);", (12, 0.4), "body.q"),
+             "connect(held.flange, hand.b); connect(body.flange, hand.a);", (12, 0.4), "body.q", "body.flange.q"),
     "shaft": (SHAFT, "TorsionSpring hand(k = 1.5); FixedShaft held(theta0 = 0.7);",
-              "connect(held.shaft, hand.b); connect(body.shaft, hand.a);", (1.5, 0.7), "body.theta"),
+              "connect(held.shaft, hand.b); connect(body.shaft, hand.a);",
+              (1.5, 0.7), "body.theta", "body.shaft.theta"),
     "frame": (PLANE, "Spring hand(k = 25); Anchor held(x = 0.9, y = 0.3); PointOf at(rx = 0.8, ry = 0.1);",
               "connect(body.frame, at.frame); connect(at.point, hand.a); connect(hand.b, held.point);",
-              (25, 0.9, 0.3, 0.8, 0.1), "pin.phi"),
+              (25, 0.9, 0.3, 0.8, 0.1), "pin.phi", "body.frame.x"),
 }  # fmt: skip
 
 
@@ -72,9 +75,10 @@ def of(text: str, hand: str = "", connected: str = "") -> str:
 
 @pytest.mark.parametrize("kind", CASES)
 def test_a_hand_is_the_spring_that_a_model_would_have_there(kind):
-    text, hand, connected, signals, watched = CASES[kind]
+    text, hand, connected, signals, watched, moving = CASES[kind]
     run = lmoc.compile_text(of(text)).simulate(points=60, rtol=1e-9)
-    extended, hands, nothing = with_hands(run.flat, ["body"])
+    found, _ = hands_at(run.flat, [moving])
+    extended, hands, nothing = with_hands(run.flat, found)
     assert [h.kind for h in hands] == [kind] and not any(nothing.values())
     names = [extended.variable_name(v) for v in hands[0].signals]
     pulled = run.extended(extended, nothing | dict(zip(names, signals, strict=True)))
@@ -95,8 +99,7 @@ UNHELD = ["notes/ex05_suspension", "laws/h06_bungee", "planar/slider_crank", "pl
 @pytest.mark.parametrize("file", UNHELD)
 def test_hands_change_nothing_while_they_hold_nothing(file):
     run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=50)
-    moving = [part.pattern for part in run.flat.parts]
-    held, hands = run_with_hands(run, moving)
+    held, hands, _ = run_with_hands(run, movers(drawn(run, [])))
     assert hands and held.states == run.states and len(held.events) == len(run.events)
     for name in run.states:
         assert np.abs(held[name] - run[name]).max() <= 1e-5 * np.abs(run[name]).max()
@@ -107,9 +110,9 @@ def test_what_is_pulled_in_the_page_moves_as_the_equations_say_and_the_ledger_cl
     """A spring that is taken at 0.5 s, moved at 0.9 s and let go at 1.6 s, against SciPy from piece to piece."""
     run = lmoc.compile_text(of(LINE)).simulate(points=121, rtol=1e-9)
     found = contents(run, "M")
-    pulls = [[0.5, "body", [12, 0.4]], [0.9, "body", [12, -0.3]], [1.6, "body", [0, 0]]]
+    pulls = [[0.5, "body.flange", [12, 0.4]], [0.9, "body.flange", [12, -0.3]], [1.6, "body.flange", [0, 0]]]
     (hand,) = found.data["script"]["hands"]
-    assert hand["kind"] == "line" and hand["inertia"] == 2
+    assert hand["kind"] == "line" and hand["name"] == "body.flange"
     body = f"""
     const data = {json.dumps(found.data)}, pulls = {json.dumps(pulls)};
     const repeater = new Repeater(data.script, {found.make}, data, () => 0);
@@ -158,11 +161,12 @@ end M;
 @needs_node
 def test_a_hand_lifts_what_hangs_on_a_string_and_the_string_catches_it_again():
     """From the start against the spring in the model; taken and let go on the way, the ledger closes."""
-    _, hand, connected, _, _ = CASES["line"]
+    _, hand, connected, *_ = CASES["line"]
     run = lmoc.compile_text(of(STRING)).simulate(points=101)
     truth = lmoc.compile_text(of(STRING, hand.replace("k = 12", "k = 40"), connected)).simulate(points=101)
     found = contents(run, "M")
-    whole, later = [[0, "body", [40, 0.4]]], [[0.5, "body", [90, 0.4]], [1.1, "body", [0, 0]]]
+    whole = [[0, "body.flange", [40, 0.4]]]
+    later = [[0.5, "body.flange", [90, 0.4]], [1.1, "body.flange", [0, 0]]]
     body = f"""
     const data = {json.dumps(found.data)};
     const repeater = new Repeater(data.script, {found.make}, data, () => 0);
@@ -182,3 +186,38 @@ def test_a_hand_lifts_what_hangs_on_a_string_and_the_string_catches_it_again():
     assert np.abs(q[hanging] - 1).max() < 1e-6 and q[(run.time > 0.6) & (run.time < 1.1)].min() < 0.9  # lifted
     assert np.abs(q[-5:] - 1).max() < 1e-6 and any(t > 1.1 for t in events)  # and caught
     assert np.abs(work - heat - (stored - stored[0])).max() < 1e-5 * np.abs(stored).max()
+
+
+SERIES, GEARS = "notes/s7_1_springs_in_series", "notes/s8_gears"
+
+
+@cache
+def pulled(file):
+    run = lmoc.compile(MODELS / f"{file}.lmo").simulate(rtol=1e-9, points=31)
+    return run, pulled_everywhere(run)
+
+
+@needs_node
+@pytest.mark.parametrize("file", ["notes/ex10_lever_and_mass", "planar/crane", SERIES, GEARS])
+def test_whatever_is_pulled_moves_as_in_python_under_the_same_force(file):
+    """Levers, massless ends of springs, bodies and points of the plane, shafts; `many_pulls.py` takes all models."""
+    _, found = pulled(file)
+    assert found and sum(one.moved > 0.01 for one in found) >= len(found) - 1
+    for one in found:
+        assert not one.reason and one.missed < 1e-6 and one.balance < 1e-6, one
+        assert (one.stiffness > 0) == (one.moved > 1e-9), one
+
+
+@needs_node
+def test_the_hand_is_so_stiff_that_what_it_holds_would_swing_twice_a_second():
+    """By the inertia behind it where there is one; a massless end gives way as the springs on its sides say."""
+    rate = 4 * np.pi
+    run, springs = pulled(SERIES)
+    k1, k2, m = (float(run[name][0]) for name in ("k1", "k2", "m"))
+    stiffness = {one.hand: one.stiffness for one in springs}
+    assert stiffness == pytest.approx({"mass.flange": m * rate**2, "spring1.b": k1 + k2}, rel=1e-5)
+    run, gears = pulled(GEARS)
+    j1, j2, ratio = (float(run[name][0]) for name in ("J1", "J2", "N"))
+    stiffness = {one.hand: one.stiffness for one in gears}
+    both = (j1 + j2 / ratio**2) * rate**2
+    assert stiffness == pytest.approx({"gear1.shaft": both, "gear2.shaft": both * ratio**2}, rel=1e-5)

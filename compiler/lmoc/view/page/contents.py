@@ -6,28 +6,25 @@ variables; `missing` says so.
 
 from __future__ import annotations
 
-import json
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import asdict, field, replace
+from dataclasses import asdict, field
 from typing import Any
 
 import numpy as np
 
 from lmoc.ir.flat import Kind
-from lmoc.messages.diagnostics import ModelError, SimulationError
+from lmoc.messages.diagnostics import ModelError
 from lmoc.report.events import events_data
 from lmoc.report.plots import choose
 from lmoc.report.result import Result
 from lmoc.report.summary import energy_text
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
-from lmoc.symbolic.styles import unit_text
-from lmoc.view.javascript.script import NotWritten, Script, write_script
-from lmoc.view.javascript.sliders import sliders
-from lmoc.view.page.hands import hands_data, of_origin, run_with_hands
+from lmoc.view.javascript.script import Script
 from lmoc.view.page.modes import modes_data
 from lmoc.view.page.parts import parts_data
+from lmoc.view.page.simulation import function_text, script_data, unit_shown, write_run
 from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.picture import Circle, Item, Label, Path, Picture
 
@@ -35,8 +32,6 @@ MOST_VALUES = 100_000  # numbers of 32 bits: 0.53 MB of text
 LEAST_TIMES = 201  # output times that are left in any case
 MOST_VARIABLES = 4000
 MOST_SHOWN = 6  # variables that are plotted at first
-MOST_SLIDERS = 60
-MOST_SCRIPT = 500_000  # characters of the page's own simulation
 MOST_EVENTS = 500
 MOST_ITEMS = 3000  # of a picture that moves
 CHECKED, CHECK_TIMES = 40, 101  # variables and times at which the page compares its own run
@@ -72,9 +67,9 @@ def contents(run: Result, title: str) -> Contents:
     if not run.complete:
         missing.append(f"The run broke off at t = {run.broke_off:.6g} s: this is what there is until then.")
     shown = [name for name in _plain_names(run, choose(run))][:MOST_SHOWN]
-    picture = _picture(run, missing)
-    moving = _movers(picture)
-    script, reason, hands = _script(run, picture)
+    picture = drawn(run, missing)
+    moving = movers(picture)
+    script, reason, hands = write_run(run, moving)
     table = _Table.of(run, [*shown, *moving], script, missing)
     energy = _energy(run, table)
     if not np.isfinite(table.values).all():
@@ -96,9 +91,9 @@ def contents(run: Result, title: str) -> Contents:
         "checkTimes": table.check_times.tolist(),
         "sizes": table.sizes(),
         "parts": parts_data(run, [] if picture is None else [item.part for item in picture.items if item.part]),
-        "script": _script_data(run, script, reason) | {"hands": hands},
+        "script": script_data(run, script, reason) | hands,
     }
-    return Contents(data, "null" if script is None else _function(script), missing)
+    return Contents(data, "null" if script is None else function_text(script), missing)
 
 
 def _plain_names(run: Result, names: Sequence[str]) -> list[str]:
@@ -232,7 +227,7 @@ def _variable(run: Result, script: Script | None, number: int, value: float, col
     flat = run.flat
     name = flat.variable_name(number)
     unit = run.unit(name)
-    entry: dict[str, Any] = {"name": name, "unit": _unit(unit)}
+    entry: dict[str, Any] = {"name": name, "unit": unit_shown(unit)}
     if column >= 0:
         entry["column"] = column
     else:
@@ -272,7 +267,7 @@ def _modes(run: Result) -> list[list]:
 # ---------------------------------------------------------------------- the picture
 
 
-def _picture(run: Result, missing: list[str]) -> Picture | None:
+def drawn(run: Result, missing: list[str]) -> Picture | None:
     def at_start():
         return lambda name: float(run[name][0])
 
@@ -288,7 +283,7 @@ def _picture(run: Result, missing: list[str]) -> Picture | None:
     return picture
 
 
-def _movers(picture: Picture | None) -> list[str]:
+def movers(picture: Picture | None) -> list[str]:
     """Names of the variables that a picture asks for."""
     if picture is None:
         return []
@@ -336,65 +331,13 @@ def _short(value: float) -> float:
     return round(float(value), 2)
 
 
-# ---------------------------------------------------------------------- the page's own simulation
-
-
-def _script(run: Result, picture: Picture | None) -> tuple[Script | None, str, list[dict[str, Any]]]:
-    """Return the run as JavaScript, or why there is none, and what can be pulled in it."""
-    if len(run.time) < 2 or not len(run.trajectory.segments[0].time):
-        return None, "the run has fewer than two output times", []
-    try:
-        script = write_script(run.trajectory)
-    except NotWritten as error:
-        return None, str(error), []
-    if _size(script) > MOST_SCRIPT:
-        size = f"{_size(script) / 1e6:.1f} MB"
-        return None, f"the scene is too large to be simulated in a page (its equations take {size})", []
-    return _with_hands(run, picture) or (script, "", [])
-
-
-def _with_hands(run: Result, picture: Picture | None) -> tuple[Script, str, list[dict[str, Any]]] | None:
-    """Return the script of the run in which parts of the picture can be pulled; None where that cannot be had."""
-    moving = [i.part for i in (picture.items if picture else ()) if i.part and any(e.moves for e in i.ends)]
-    try:
-        found = run_with_hands(run, list(dict.fromkeys(moving)))
-        script = None if found is None else write_script(found[0].trajectory)
-    except (NotWritten, ModelError, SimulationError):
-        return None  # the scene runs, but not with springs at its parts: nothing is pulled
-    if found is None or script is None or _size(script) > MOST_SCRIPT:
-        return None
-    held, hands = found
-    data = hands_data(run, hands, script.registers)
-    slots, registers = (of_origin(numbers, run, held) for numbers in (script.slots, script.registers))
-    return replace(script, slots=slots, registers=registers), "", data
-
-
-def _size(script: Script) -> int:
-    return len(script.text) + len(json.dumps(script.data))
-
-
-def _script_data(run: Result, script: Script | None, reason: str) -> dict[str, Any]:
-    if script is None:
-        return {"reason": reason, "parameters": [], "held": [], "names": []}
-    found = sliders(run.trajectory.observer, script.slots, MOST_SLIDERS)
-    order = sorted(found, key=lambda s: bool(s.fixed))
-    parameters = [asdict(s) | {"unit": _unit(s.unit)} for s in order]
-    return script.data | {"reason": "", "parameters": parameters}
-
-
-def _function(script: Script) -> str:
-    return f"(tab, blocks) => ({script.text})"
+# ---------------------------------------------------------------------- numbers and units
 
 
 def _packed(values: np.ndarray, kind: str) -> str:
     """Numbers as base64 of their bytes."""
     with np.errstate(over="ignore"):
         return b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")
-
-
-def _unit(unit: str) -> str:
-    """Return a unit as it is shown: nothing for a number."""
-    return unit_text(unit) if unit not in ("", "1") else ""
 
 
 def _number(value: float) -> float | None:

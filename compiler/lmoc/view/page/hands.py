@@ -1,12 +1,12 @@
-"""The hand that pulls in a page: a spring at each part that moves, of stiffness zero until it is taken.
+"""The hand that pulls in a page: a spring at each node that moves, of stiffness zero until it is taken.
 
 It is part of the flat model, so that laws, constraints and the ledger of energy know of it: at a node with potential p
-the force k·(target − p) acts on the part, and its power k·(target − p)·der(p) counts as supplied.
+the force k·(target − p) acts on the scene, and its power k·(target − p)·der(p) counts as supplied.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,8 @@ import numpy as np
 
 from lmoc.expression.dag import ZERO, Expr, function, slot
 from lmoc.ir.flat import Block, FlatDAE, Group, Kind, Sums
+from lmoc.ir.paths import element_name
+from lmoc.messages.diagnostics import ModelError, SimulationError
 from lmoc.report.result import Result
 from lmoc.support.indices import INDEX
 from lmoc.support.records import dataclass
@@ -26,58 +28,99 @@ SIGNALS = {"line": 2, "shaft": 2, "point": 3, "frame": 5}  # stiffness, target, 
 
 @dataclass(frozen=True)
 class Hand:
-    """Where a part can be pulled.
+    """Where a scene can be pulled: a node, by the port at it that was named first.
 
     Attributes
     ----------
-    part : its name
+    name : of the port
     kind : of `KINDS`
-    potentials, flows : variables of its port
+    potentials, flows : variables of the port
+    inert : the part that has the port has inertia
     signals : inputs of the hand: k, the target or the targets, and the place on a frame
     """
 
-    part: str
+    name: str
     kind: str
     potentials: tuple[int, ...]
     flows: tuple[int, ...]
+    inert: bool
     signals: tuple[int, ...] = ()
 
 
-def with_hands(flat: FlatDAE, names: Sequence[str]) -> tuple[FlatDAE, list[Hand], dict[str, float]]:
-    """Return a flat model in which parts can be pulled, its hands, and signals with which none of them pulls."""
+def with_hands(flat: FlatDAE, hands: Sequence[Hand]) -> tuple[FlatDAE, list[Hand], dict[str, float]]:
+    """Return a flat model with hands, these with their signals, and signals with which none of them pulls."""
     work = _Work(flat)
-    found = [hand for hand in _ports(flat, names) if work.reaches(hand)][:MOST_HANDS]
-    hands = [work.pull(hand) for hand in found]
-    return work.flat(), hands, {b.name(0): 0.0 for b in work.blocks if b.kind == Kind.INPUT}
+    pulling = [work.pull(hand) for hand in hands]
+    return work.flat(), pulling, {b.name(0): 0.0 for b in work.blocks if b.kind == Kind.INPUT}
 
 
-def _ports(flat: FlatDAE, names: Sequence[str]) -> list[Hand]:
-    """Return the first port of each of the named parts that have inertia."""
-    found = []
-    wanted = set(names)
-    for part in flat.parts[1:]:
-        name = part.pattern
-        if name not in wanted or not part.ports or any(dims for _, dims in part.path):
+def hands_at(flat: FlatDAE, names: Iterable[str]) -> tuple[list[Hand], dict[str, int]]:
+    """Return a hand for each node that one of the named variables is a potential of, and which of them each moves."""
+    row_of, ledger = _rows(flat.sums), flat.find("ledger.supplied")
+    if ledger is None or int(ledger[0]) not in row_of:
+        return [], {}
+    flow_of = {p: (f, part) for part in flat.parts for p, f in part.ports}
+    hands: list[Hand] = []
+    place: dict[tuple[int, ...], int] = {}
+    found: dict[str, int] = {}
+    for name in names:
+        hand = _hand(flat, flow_of, name)
+        nodes = () if hand is None else tuple(row_of.get(f, -1) for f in hand.flows)
+        if hand is None or -1 in nodes or (nodes not in place and len(hands) == MOST_HANDS):
             continue
-        first = flat.blocks[part.ports[0][0]].path[:-1]
-        own = [(flat.blocks[p], flat.blocks[f]) for p, f in part.ports if flat.blocks[p].path[:-1] == first]
-        kind = KINDS.get(tuple(p.unit for p, _ in own))
-        inert = flat.find(f"{name}.{'J' if kind == 'shaft' else 'm'}") is not None
-        if kind is not None and inert and all(p.size == 1 for p, _ in own):
-            found.append(Hand(name, kind, tuple(p.offset for p, _ in own), tuple(f.offset for _, f in own)))
-    return found
+        if nodes not in place:
+            place[nodes] = len(hands)
+            hands.append(hand)
+        found[name] = place[nodes]
+    return hands, found
 
 
-def run_with_hands(run: Result, names: Sequence[str]) -> tuple[Result, list[Hand]] | None:
-    """Return the run again with hands at the named parts; None where there are none, or where it is too long."""
+def _hand(flat: FlatDAE, flow_of: dict, name: str) -> Hand | None:
+    """Return the hand at the port that a variable is a potential of; None where it is none, or of no known kind."""
+    numbers = flat.find(name)
+    if numbers is None or len(numbers) != 1:
+        return None
+    block = int(flat.block_of[numbers[0]])
+    if block not in flow_of:
+        return None
+    element, part = int(numbers[0]) - flat.blocks[block].offset, flow_of[block][1]
+    port = flat.blocks[block].path[:-1]
+    own = [(flat.blocks[p], flat.blocks[f]) for p, f in part.ports if flat.blocks[p].path[:-1] == port]
+    kind = KINDS.get(tuple(p.unit for p, _ in own))
+    if kind is None or len({p.size for p, _ in own}) > 1:
+        return None
+    inertia = "J" if kind == "shaft" else "m"
+    inert = any(b.part == flat.blocks[block].part and b.path[-1][0] == inertia for b in flat.blocks)
+    potentials, flows = (tuple(pair[k].offset + element for pair in own) for k in (0, 1))
+    return Hand(element_name(port, element), kind, potentials, flows, inert)
+
+
+def _rows(sums: Sums) -> dict[int, int]:
+    """Return the row of the connection set of each flow."""
+    return {int(v): int(r) for r, v in zip(np.repeat(np.arange(sums.rows), np.diff(sums.start)), sums.index)}
+
+
+def run_with_hands(run: Result, names: Sequence[str]) -> tuple[Result, list[Hand], dict[str, int]] | None:
+    """Return the run again with hands at the nodes of named variables, and which hand each is moved by.
+
+    Where a scene does not run with all of them, only parts with inertia are pulled. None where there is nothing to be
+    pulled, or where the run is too long.
+    """
     flat = run.reduced.lawful or run.flat
     if run.extended is None or not run.complete or float(run.stats.get("steps", MOST_STEPS)) >= MOST_STEPS:
         return None
-    extended, hands, nothing = with_hands(flat, names)
-    if not hands or len(run.coordinates) > 1:
-        return None
-    held = run.extended(extended, nothing)
-    return (held, hands) if held.states == run.states else None
+    every, places = hands_at(flat, names)
+    for kept in (every, [h for h in every if h.inert]):
+        extended, hands, nothing = with_hands(flat, kept)
+        try:
+            held = run.extended(extended, nothing) if kept else None
+        except (ModelError, SimulationError):
+            continue
+        if held is not None and held.states == run.states:
+            new = {id(hand): k for k, hand in enumerate(kept)}
+            own = {name: new[id(every[k])] for name, k in places.items() if id(every[k]) in new}
+            return held, hands, own
+    return None
 
 
 def of_origin(numbers: np.ndarray, run: Result, held: Result) -> np.ndarray:
@@ -95,15 +138,12 @@ class _Work:
         self.blocks: list[Block] = []
         self.groups: list[Group] = []
         sums = flat.sums
-        self.row_of = {int(v): int(r) for r, v in zip(np.repeat(np.arange(sums.rows), np.diff(sums.start)), sums.index)}
+        self.row_of = _rows(sums)
         self.sign_of = dict(zip(sums.index.tolist(), sums.sign.tolist(), strict=True))
         self.more: dict[int, list[tuple[int, float]]] = {}  # (variable, sign) by row of the sums
-        supplied = flat.find("ledger.supplied")
-        self.supplied = -1 if supplied is None else self.row_of.get(int(supplied[0]), -1)
-
-    def reaches(self, hand: Hand) -> bool:
-        """Return whether the hand has a node to act on."""
-        return self.supplied >= 0 and all(f in self.row_of for f in hand.flows)
+        ledger = flat.find("ledger.supplied")
+        assert ledger is not None, "a scene without a ledger has no hands"
+        self.supplied = self.row_of[int(ledger[0])]
 
     def variable(self, name: str, kind: Kind) -> int:
         path = (("'the hand'", ()), (f"{name}{len(self.blocks)}", ()))
@@ -175,16 +215,14 @@ def _extended(sums: Sums, more: dict[int, list[tuple[int, float]]]) -> Sums:
     return replace(sums, start=np.array(start), index=np.array(index, INDEX), sign=np.array(sign, float))
 
 
-def hands_data(run: Result, hands: Sequence[Hand], registers: np.ndarray) -> list[dict[str, Any]]:
-    """Return what the page reads of hands: kind, inertia, registers of the signals and of the potentials."""
+def hands_data(hands: Sequence[Hand], registers: np.ndarray) -> list[dict[str, Any]]:
+    """Return what the page reads of hands: name, kind, registers of the signals and of the potentials."""
     return [
         {
-            "part": hand.part,
+            "name": hand.name,
             "kind": hand.kind,
-            "inertia": float(run[f"{hand.part}.{'J' if hand.kind == 'shaft' else 'm'}"][0]),
             "signals": registers[list(hand.signals)].tolist(),
             "potentials": registers[list(hand.potentials)].tolist(),
         }
         for hand in hands
-        if (registers[[*hand.signals, *hand.potentials]] >= 0).all()
     ]

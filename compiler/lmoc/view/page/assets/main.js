@@ -8,6 +8,7 @@ import { $ } from "./dom.js";
 import { Engine, revived } from "./engine.js";
 import { eventText, modesText, showEvents } from "./events.js";
 import { listenToFrame, tellFrame } from "./frame.js";
+import { gripAt } from "./grip.js";
 import { listenToHand } from "./hand.js";
 import { ModeMotion } from "./modes.js";
 import { Motion, movers } from "./motion.js";
@@ -311,7 +312,7 @@ class Page {
     const { player, engine, motion, swing } = this;
     const item = this.data.picture.items[k];
     if (engine === null || swing !== null || !canBeTaken(item)) return false;
-    const pulls = player.playing && this.data.script.hands.some(({ part }) => part === item.part);
+    const pulls = player.playing && gripAt(item, motion.vertex(item, place, this.places(player.t)), this.data.script) !== undefined;
     if (!pulls) {
       if (player.playing) player.pause();
       player.seek(player.begin);

@@ -84,21 +84,20 @@ export class Motion {
     return vertexAt(this.frame(item, values), [x - dx, y - dy]);
   }
 
-  /** How far the variable that moves an item has to go, so that a point of it at `at` comes next to `to`. */
-  way(item, at, to, values) {
+  /** How far a variable has to go that moves an end of an item, or turns it (`move` null), so that a point at `at` comes next to `to`. */
+  way(item, move, at, to, values) {
     const [dx, dy] = [to[0] - at[0], to[1] - at[1]];
+    if (move !== null) {
+      const scale = move.group === "" ? 1 : (this.scales.get(move.group) ?? 0);
+      return scale > 0 ? (dx * move.dx + dy * move.dy) / (scale * (move.dx ** 2 + move.dy ** 2)) : 0;
+    }
     if (hasRim(item)) {
       const [rx, ry] = frontShift(item, 1);
       return (dx * rx + dy * ry) / (rx * rx + ry * ry);
     }
-    if (item.turn.variable) {
-      const { x, y } = this.frame(item, values);
-      const [ax, ay, bx, by] = [at[0] - x, at[1] - y, to[0] - x, to[1] - y];
-      return -Math.atan2(ax * by - ay * bx, ax * bx + ay * by) / item.turn.factor;
-    }
-    const move = item.ends.flatMap((end) => end.moves)[0];
-    const scale = move.group === "" ? 1 : (this.scales.get(move.group) ?? 0);
-    return scale > 0 ? (dx * move.dx + dy * move.dy) / (scale * (move.dx ** 2 + move.dy ** 2)) : 0;
+    const { x, y } = this.frame(item, values);
+    const [ax, ay, bx, by] = [at[0] - x, at[1] - y, to[0] - x, to[1] - y];
+    return -Math.atan2(ax * by - ay * bx, ax * bx + ay * by) / item.turn.factor;
   }
 
   rimShift(item, values) {

@@ -78,14 +78,33 @@ export class Run {
     this.reached++;
   }
 
+  /** Fill the registers of the first choice of coordinates at a place; what another one does not tell is NaN. */
+  observed(t, x) {
+    const { scene, main } = this;
+    const w = scene.observe(t, x);
+    if (scene === main) return w;
+    const found = new Float64Array(main.w.length).fill(NaN);
+    for (const [first, own] of scene.data.observed) found[first] = w[own];
+    return found;
+  }
+
+  /** Give signals, [[register, value], …], values in all choices of coordinates. */
+  put(signals) {
+    const { main } = this;
+    for (const [register, value] of signals) main.w[register] = value;
+    main.blocks.changes++;
+    for (const other of main.choices.slice(1)) {
+      const own = new Map(other.data.observed);
+      for (const [register, value] of signals) other.w[own.get(register)] = value;
+      other.blocks.changes++;
+    }
+  }
+
   /** Give the signals of the hand the values that they have from a time on; the states behind that. */
   pull(t, x) {
     const { scene, pulls } = this;
     if (!(pulls[this.pulled]?.[0] <= t)) return x;
-    for (; pulls[this.pulled]?.[0] <= t; this.pulled++) {
-      for (const [register, value] of pulls[this.pulled][1]) scene.w[register] = value;
-    }
-    scene.blocks.changes++;
+    for (; pulls[this.pulled]?.[0] <= t; this.pulled++) this.put(pulls[this.pulled][1]);
     const laws = scene.dynamics?.laws ?? null;
     if (laws === null) return x;
     const [behind, events] = laws.happen(t, x, []); // a force that jumps may close or open them

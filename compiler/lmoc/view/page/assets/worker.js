@@ -2,6 +2,7 @@
 
 import { difference } from "./answer.js";
 import { Motion } from "./motion.js";
+import { gripAt } from "./grip.js";
 import { Pull, pullsOf } from "./pull.js";
 import { reach } from "./reach.js";
 import { Repeater } from "./repeat.js";
@@ -27,7 +28,7 @@ class Work {
     this.units = new Map(variables.map((v) => [v.name, v.unit]));
     this.picture = picture;
     this.repeater = new Repeater(script, make, { variables }, () => performance.now());
-    this.hands = script.hands;
+    this.script = script;
     this.pulling = null;
   }
 
@@ -39,16 +40,16 @@ class Work {
   }
 
   run({ times, values, initial, pulls = [] }) {
-    return this.repeater.run(times, values, initial, pullsOf(this.hands, pulls));
+    return this.repeater.run(times, values, initial, pullsOf(this.script.hands, pulls));
   }
 
   /** Begin to pull at a part at a time; whether it can be pulled. */
   grab({ t, motion, item, vertex, speed, ...setup }) {
     const own = this.picture.items[item];
-    const hand = this.hands.find(({ part }) => part === own.part);
-    if (hand === undefined) return false;
+    const held = gripAt(own, vertex, this.script);
+    if (held === undefined) return false;
     const moves = new Motion(this.picture, motion.names, motion.references, motion.extremes);
-    const grip = { hand, item: own, vertex, motion: moves, read: this.reader(motion.names), speed };
+    const grip = { ...held, item: own, vertex, motion: moves, read: this.reader(motion.names), speed };
     this.pulling = new Pull(this.repeater, setup, grip, t);
     return !this.pulling.done;
   }

@@ -1,0 +1,73 @@
+"""The page's own simulation: the run as JavaScript, its sliders, and what can be pulled in it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+from lmoc.report.result import Result
+from lmoc.symbolic.styles import unit_text
+from lmoc.view.javascript.script import NotWritten, Script, write_script
+from lmoc.view.javascript.sliders import sliders
+from lmoc.view.page.hands import hands_data, of_origin, run_with_hands
+
+MOST_SLIDERS = 60
+MOST_SCRIPT = 500_000  # characters of the page's own simulation
+NO_HANDS: dict[str, Any] = {"hands": [], "handOf": {}}
+
+
+def write_run(run: Result, moving: Sequence[str]) -> tuple[Script | None, str, dict[str, Any]]:
+    """Return the run as JavaScript, or why there is none, and what can be pulled in it."""
+    if len(run.time) < 2 or not len(run.trajectory.segments[0].time):
+        return None, "the run has fewer than two output times", NO_HANDS
+    try:
+        script = write_script(run.trajectory)
+    except NotWritten as error:
+        return None, str(error), NO_HANDS
+    if _size(script) > MOST_SCRIPT:
+        size = f"{_size(script) / 1e6:.1f} MB"
+        return None, f"the scene is too large to be simulated in a page (its equations take {size})", NO_HANDS
+    return _with_hands(run, moving) or (script, "", NO_HANDS)
+
+
+def _with_hands(run: Result, moving: Sequence[str]) -> tuple[Script, str, dict[str, Any]] | None:
+    """Return the script of the run in which nodes of the picture can be pulled; None where that cannot be had."""
+    found = run_with_hands(run, moving)
+    if found is None:
+        return None
+    held, hands, places = found
+    try:
+        script = write_script(held.trajectory)
+    except NotWritten:
+        return None  # the scene runs in a page, but not with springs at its nodes
+    if _size(script) > MOST_SCRIPT:
+        return None
+    data = {"hands": hands_data(hands, script.registers), "handOf": places}
+    slots, registers = (of_origin(numbers, run, held) for numbers in (script.slots, script.registers))
+    return replace(script, slots=slots, registers=registers), "", data
+
+
+def _size(script: Script) -> int:
+    return len(script.text) + len(json.dumps(script.data))
+
+
+def script_data(run: Result, script: Script | None, reason: str) -> dict[str, Any]:
+    """Return what the page reads of its own simulation, or the reason why there is none."""
+    if script is None:
+        return {"reason": reason, "parameters": [], "held": [], "names": []}
+    found = sliders(run.trajectory.observer, script.slots, MOST_SLIDERS)
+    order = sorted(found, key=lambda s: bool(s.fixed))
+    parameters = [asdict(s) | {"unit": unit_shown(s.unit)} for s in order]
+    return script.data | {"reason": "", "parameters": parameters}
+
+
+def function_text(script: Script) -> str:
+    """Return what makes the functions of a script, as JavaScript."""
+    return f"(tab, blocks) => ({script.text})"
+
+
+def unit_shown(unit: str) -> str:
+    """Return a unit as it is shown: nothing for a number."""
+    return unit_text(unit) if unit not in ("", "1") else ""

@@ -1,0 +1,78 @@
+"""Every hand of a page in turn: what the page answers to a pull, and what Python does to the same force."""
+
+import json
+from typing import NamedTuple
+
+import numpy as np
+from oracles.node import run_script
+
+from lmoc.view.page.contents import contents, drawn, movers
+from lmoc.view.page.hands import run_with_hands, with_hands
+from lmoc.view.page.join import joined
+
+_BODY = """
+const repeater = new Repeater(data.script, make, data, () => performance.now());
+const given = repeater.run(times, {});
+const names = movers(data.picture), columns = names.map((n) => given.of(n)), references = columns.map((c) => c[0]);
+const extremes = columns.map((c) => c.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]));
+const motion = new Motion(data.picture, names, references, extremes);
+const known = new Map(repeater.variables.map((v) => [v.name, v]));
+const places = names.map((name) => known.get(name) ?? {});
+const read = (w) => places.map(({ register, value }) => (register === undefined ? (value ?? NaN) : w[register]));
+const done = new Set(), told = [];
+for (const item of data.picture.items) {
+  const vertex = [0.7, 3, -4], held = gripAt(item, vertex, data.script);
+  if (held === undefined || done.has(held.hand.name)) continue;
+  done.add(held.hand.name);
+  const setup = { times, values: {}, initial: {}, pulls: [] };
+  const pull = new Pull(repeater, setup, { ...held, item, vertex, motion, read, speed: 1 }, 0);
+  const [x, y] = motion.point(item, vertex, references), signals = pull.signals([x + 21, y - 13]);
+  const answer = repeater.run(times, {}, {}, pullsOf(data.script.hands, [[0, held.hand.name, signals]]));
+  const ledger = ["ledger.stored", "ledger.work", "ledger.heat"];
+  told.push([held.hand.name, signals, answer.reason, [...ledger, ...states].map((n) => [...answer.of(n)])]);
+}
+console.log(JSON.stringify(told));
+"""
+
+
+class Pulled(NamedTuple):
+    """One hand that pulls from the start on."""
+
+    hand: str
+    kind: str
+    stiffness: float
+    reason: str  # why the page's run has ended
+    missed: float  # by the states of the page, of the largest of each in Python's run with the same force
+    moved: float  # by the hand, likewise
+    balance: float  # error of the page's ledger, of its largest sum
+
+
+def pulled_everywhere(run):
+    """Return what each hand does in the page of a run that begins at 0; nothing where the page has none."""
+    found = contents(run, "M")
+    if not found.data["script"].get("hands"):
+        return []
+    data = f"const data = {json.dumps(found.data)}, make = {found.make};"
+    states = f"const states = {json.dumps(run.states)};"
+    times = f"const times = Float64Array.from({json.dumps(run.time.tolist())});"
+    told = run_script("\n".join([joined("worker.js"), joined("elementary.js"), data, states, times, _BODY]))
+    _, hands, _ = run_with_hands(run, movers(drawn(run, [])))
+    return [_pulled(run, hands, *one) for one in told]
+
+
+def _pulled(run, hands, name, signals, reason, columns):
+    flat = run.reduced.lawful or run.flat
+    extended, own, nothing = with_hands(flat, hands)
+    hand = next(h for h in own if h.name == name)
+    inputs = {extended.variable_name(v): value for v, value in zip(hand.signals, signals, strict=True)}
+    truth = run.extended(extended, nothing | inputs)
+    stored, work, heat, *states = np.array(columns, float)
+    count = min(len(truth.time), len(stored), len(run.time))
+    missed = moved = 0.0
+    for state, values in zip(run.states, states, strict=True):
+        size = max(1e-6, np.abs(truth[state][:count]).max())
+        missed = max(missed, np.abs(values[:count] - truth[state][:count]).max() / size)
+        moved = max(moved, np.abs(run[state][:count] - truth[state][:count]).max() / size)
+    error = (work - work[0]) - (heat - heat[0]) - (stored - stored[0])
+    balance = np.abs(error).max() / max(1e-6, np.abs(stored - stored[0]).max(), np.abs(work - work[0]).max())
+    return Pulled(name, hand.kind, signals[0], reason, float(missed), float(moved), float(balance))
