@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from oracles.browser import needs_browser, open_page
+from oracles.node import needs_node, run_script
 
 import lmoc
 from lmoc.view.page.contents import contents
-from lmoc.view.page.equations import equations_html
+from lmoc.view.page.equations import page_equations
+from lmoc.view.page.join import joined
 from lmoc.view.page.page import Page
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -160,7 +162,7 @@ def test_the_page_says_by_which_method_it_simulates():
         assert said == f"DOP853, and Radau IIA where stability limits its steps, rtol {rtol}"
         assert data_of(html)["script"]["rtol"] == float(rtol)
     dae = lmoc.compile_text("model M input Real u; Real x(start = 1, fixed = true); equation der(x) = u; end M;")
-    assert "<th scope=\"row\">in this page" not in dae.simulate(stop=1, inputs={"u": lambda t: t}).view().html
+    assert '<th scope="row">in this page' not in dae.simulate(stop=1, inputs={"u": lambda t: t}).view().html
 
 
 def test_laws_events_and_modes():
@@ -172,7 +174,7 @@ def test_laws_events_and_modes():
 
 def test_the_equations_of_each_mode_that_is_met():
     run = lmoc.compile(MODELS / "laws" / "h16_stick_slip.lmo").simulate()
-    html = equations_html(run)
+    html = page_equations(run).html
     assert html.count("<h2>friction") == 2 and "friction stick, from t = 0 s" in html and html.count("<math") >= 4
     assert "sign" in html  # of the law, behind the equations
 
@@ -238,12 +240,49 @@ def test_a_notebook_gets_a_frame():
 @pytest.mark.parametrize("formulation", ["auto", "projected"])
 def test_the_page_of_a_closed_loop_has_its_equations(formulation):
     run = lmoc.compile(ROOT / "models/planar/four_bar.lmo").simulate(stop=0.05, formulation=formulation)
-    assert "Closures of the loops" in equations_html(run)
+    assert "Closures of the loops" in page_equations(run).html
 
 
 @pytest.mark.parametrize(("file", "derived"), [("classic/andrews", False), ("planar/slider_crank", True)])
 def test_equations_of_many_closed_loops_are_not_derived_for_a_page(file, derived):
     """Those of Andrews' mechanism take longer than a page may: it says so, and has everything else."""
     run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=20)
-    text = equations_html(run)
+    text = page_equations(run).html
     assert ("<math" in text) is derived and ("6 variables follow from the closing of loops" in text) is not derived
+
+
+@needs_node
+@pytest.mark.parametrize("file", ["notes/ex05_suspension", "planar/slider_crank", "laws/h06_bungee"])
+def test_the_terms_that_are_shaded_add_up_at_every_instant(file):
+    """Inputs with their rates, velocities by other names, closures whose multiplier is what the others leave, modes."""
+    run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=41)
+    found = contents(run, "M")
+    body = f"""
+    const data = {json.dumps(found.data)}, terms = {found.terms}, names = data.jets.map((j) => j.name);
+    const variables = [...data.variables, ...data.jets], given = givenAnswer(data);
+    const own = new Repeater(data.script, {found.make}, {{ variables }}, () => 0).run(given.time, {{}});
+    const shades = new Shades({{ querySelectorAll: () => [] }}, {{}}, terms, data.terms, names);
+    const sum = (side) => side.reduce((all, v) => all + v, 0);
+    console.log(JSON.stringify([given, own].map((answer) => {{
+      shades.put(answer);
+      const read = answer.reader(names);
+      return shades.equations.map((e) => {{
+        const times = [...answer.time].filter((t) => shades.holds(e, t));
+        const left = times.map((t) => sum(termValues(e.sides, read(t))[0]) - sum(termValues(e.sides, read(t))[1]));
+        const missing = e.sides.flat().filter((f) => f === null).length;
+        return [Math.max(...left.map(Math.abs)), e.largest, times.length, missing];
+      }});
+    }})));
+    """
+    sources = joined("worker.js") + joined("shades.js") + joined("elementary.js")
+    given, own = run_script(sources + body)
+    marked = found.equations.count("class='term'")
+    assert marked == found.terms.count("(v)=>") + found.terms.count("null") > 0
+    for equations, share in ((given, 1e-6), (own, 1e-9)):  # what Python has given is of 32 bits
+        assert all(largest > 0 and left <= share * largest for left, largest, _, _ in equations)
+    counts = [times for _, _, times, _ in own]
+    if file.startswith("laws"):  # two masses on a slack string, one where it is taut
+        assert counts[0] == counts[1] and counts[0] + counts[2] == 41
+    else:
+        assert set(counts) == {41}
+    assert [missing for *_, missing in own] == ([1, 1] if "crank" in file else [0] * len(own))

@@ -45,7 +45,9 @@ def test_it_loads_alone_plays_and_scrubs(suspension):
       const home = $("now").textContent;
       document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
       const canvases = document.querySelectorAll("canvas").length;
-      return { difference, requests, playing, moved, scrubbed, home, next: $("now").textContent, canvases,
+      const shade = (e) => Number(getComputedStyle(e).backgroundColor.match(/[\\d.]+(?=\\)$)/)?.[0] ?? 0);
+      const shades = [...document.querySelectorAll("#equations .term")].map(shade);
+      return { shades, difference, requests, playing, moved, scrubbed, home, next: $("now").textContent, canvases,
                wide: document.documentElement.scrollWidth <= innerWidth, hash: location.hash };
     """)  # fmt: skip
     found = seen.answer
@@ -58,6 +60,7 @@ def test_it_loads_alone_plays_and_scrubs(suspension):
     assert np.allclose(found["scrubbed"][1:], [run["q1"][-1], run["q2"][-1]], rtol=1e-3)
     assert found["home"] == "t = 0.000 s" and found["next"] == "t = 0.010 s"
     assert found["canvases"] == 3 and found["wide"] and found["hash"]
+    assert len(found["shades"]) == 14 and max(found["shades"]) > 0.2 > min(found["shades"])
 
 
 def test_a_slider_changes_the_curve_to_what_python_gives(suspension):

@@ -44,7 +44,12 @@ class Equation:
 
     def write(self, notation: Notation, style: Style) -> str:
         formula = Formula(notation, style)
-        sides = (join_terms((formula.term(c, f) for c, f in side), style) for side in (self.left, self.right))
+
+        def term(c: sympy.Expr, f: sympy.Expr) -> tuple[bool, str]:
+            negative, text = formula.term(c, f)
+            return negative, style.term(text)
+
+        sides = (join_terms((term(c, f) for c, f in side), style) for side in (self.left, self.right))
         return style.equals.join(sides)
 
 

@@ -92,6 +92,10 @@ class Ascii:
 
     fills = False  # fractions make brackets around a sum superfluous
 
+    def term(self, text: str) -> str:
+        """Mark a term of an equation, without its sign."""
+        return text
+
     def brackets(self, text: str) -> str:
         return f"({text})"
 
@@ -195,6 +199,9 @@ class MathML(Ascii):
     applied = "<mo>&#x2061;</mo>"
     plus, minus, sign, equals = "<mo>+</mo>", "<mo>−</mo>", "<mo form='prefix'>−</mo>", "<mo>=</mo>"
     fills = True
+
+    def term(self, text: str) -> str:
+        return f"<mrow class='term'>{text}</mrow>"
 
     def symbol(self, name: str, order: int) -> str:
         delta, word, digits, index = split_name(name)

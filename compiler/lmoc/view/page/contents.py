@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import asdict, field
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,11 @@ from lmoc.report.summary import energy_text
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 from lmoc.view.javascript.script import Script
+from lmoc.view.page.equations import page_equations
 from lmoc.view.page.modes import modes_data
 from lmoc.view.page.parts import parts_data
 from lmoc.view.page.simulation import function_text, script_data, unit_shown, write_run
+from lmoc.view.page.terms import jets_data, terms_of
 from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.picture import Circle, Item, Label, Path, Picture
 
@@ -48,11 +50,15 @@ class Contents:
     data : for JSON; None stands for NaN
     make : the functions of the page's own simulation as JavaScript, "null" without
     missing : what is not shown, and why, in sentences
+    equations : HTML
+    terms : their terms as functions of JavaScript, by mode, equation and side
     """
 
     data: dict[str, Any]
-    make: str = "null"
-    missing: list[str] = field(default_factory=list)
+    make: str
+    missing: list[str]
+    equations: str
+    terms: str
 
 
 def contents(run: Result, title: str) -> Contents:
@@ -69,8 +75,11 @@ def contents(run: Result, title: str) -> Contents:
     shown = [name for name in _plain_names(run, choose(run))][:MOST_SHOWN]
     picture = drawn(run, missing)
     moving = movers(picture)
-    script, reason, hands = write_run(run, moving)
+    own = write_run(run, moving)
+    script = own.script
     table = _Table.of(run, [*shown, *moving], script, missing)
+    equations = page_equations(run)
+    terms = terms_of(equations, run, table.rows)
     energy = _energy(run, table)
     if not np.isfinite(table.values).all():
         missing.append("Some variables have no value at some times: their curves have gaps there.")
@@ -79,7 +88,7 @@ def contents(run: Result, title: str) -> Contents:
         "complete": run.complete,
         "reason": "" if run.complete else f"broke off at {run.broke_off:.6g} s",
         "time": _packed(table.time, "<f8"),
-        "values": _packed(table.columns, "<f4"),
+        "values": _packed(np.concatenate([table.columns, terms.values]) if len(terms.names) else table.columns, "<f4"),
         "variables": table.variables,
         "shown": shown,
         "energy": energy,
@@ -91,9 +100,12 @@ def contents(run: Result, title: str) -> Contents:
         "checkTimes": table.check_times.tolist(),
         "sizes": table.sizes(),
         "parts": parts_data(run, [] if picture is None else [item.part for item in picture.items if item.part]),
-        "script": script_data(run, script, reason) | hands,
+        "script": script_data(run, own),
+        "jets": [jet | {"column": len(table.columns) + k} for k, jet in enumerate(jets_data(terms, run, own))],
+        "terms": terms.modes,
     }
-    return Contents(data, "null" if script is None else function_text(script), missing)
+    make = "null" if script is None else function_text(script)
+    return Contents(data, make, missing, equations.html, terms.text)
 
 
 def _plain_names(run: Result, names: Sequence[str]) -> list[str]:

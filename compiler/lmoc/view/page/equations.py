@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,38 +16,58 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import ModelError
 from lmoc.report.result import Result
 from lmoc.session import reduced_at, released_in_mode
+from lmoc.support.records import dataclass
+
+if TYPE_CHECKING:
+    from lmoc.symbolic.sorting import Equation
 
 MOST_DERIVED = 24  # states of a scene whose equations are derived for the page
 MOST_CLOSED = 4  # unknowns of closed loops: with 6 (Andrews' mechanism) it takes more than half a minute
 
 
-def equations_html(run: Result) -> str:
+@dataclass(frozen=True, eq=False)
+class PageEquations:
+    """The equations of a page.
+
+    Attributes
+    ----------
+    html : the equations, or why they are not shown
+    modes : ({law: what its mode is called}, equations in it); None where there are no laws
+    """
+
+    html: str
+    modes: tuple[tuple[Mapping[str, str] | None, tuple[Equation, ...]], ...] = ()
+
+
+def page_equations(run: Result) -> PageEquations:
     """Return the equations, or why they are not shown."""
     count = len(run.reduced.states)
     if count > MOST_DERIVED:
-        return f"<p>Not derived for the page: the scene has {count} states.</p>"
+        return PageEquations(f"<p>Not derived for the page: the scene has {count} states.</p>")
     closed = sum(step.unknowns.size for step in run.reduced.rhs if isinstance(step, Solve) and not step.linear)
     if closed > MOST_CLOSED:
-        return f"<p>Not derived for the page: {closed} variables follow from the closing of loops.</p>"
+        return PageEquations(f"<p>Not derived for the page: {closed} variables follow from the closing of loops.</p>")
     try:
         prepared = _as_written(run)
         return _of_modes(prepared, run) if prepared.flat.laws else _of_motion(prepared)
     except ModelError as error:
-        return f"<p>None that could be read: {escape(error.diagnostics[0].message)}.</p>"
+        return PageEquations(f"<p>None that could be read: {escape(error.diagnostics[0].message)}.</p>")
 
 
-def _of_motion(prepared: Prepared) -> str:
+def _of_motion(prepared: Prepared) -> PageEquations:
     from lmoc.symbolic.equations import equations_in_short
 
-    return equations_in_short(prepared, lambda: released_in_mode(prepared.reduced)).html()
+    found = equations_in_short(prepared, lambda: released_in_mode(prepared.reduced))
+    return PageEquations(found.html(), ((None, found.equations),))
 
 
-def _of_modes(prepared: Prepared, run: Result) -> str:
+def _of_modes(prepared: Prepared, run: Result) -> PageEquations:
     from lmoc.symbolic.laws.equations import equations_of_modes, met_modes
     from lmoc.symbolic.laws.modes import Lawful
 
     lawful = Lawful(prepared, _reduced, released_in_mode, reduced_at)
-    return equations_of_modes(lawful, met_modes(run.trajectory)).html()
+    found = equations_of_modes(lawful, met_modes(run.trajectory))
+    return PageEquations(found.html(), tuple((one.mode, one.equations.equations) for one in found.modes))
 
 
 def _as_written(run: Result) -> Prepared:
@@ -63,4 +84,3 @@ def _as_written(run: Result) -> Prepared:
 
 def _reduced(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None) -> Reduced:
     return pipeline.reduce(flat, values, states, pipeline.Clock())
-

@@ -15,7 +15,6 @@ from lmoc.report.summary import counted, energy_text, stages, times_text
 from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
 from lmoc.view.page.contents import Contents, contents
-from lmoc.view.page.equations import equations_html
 from lmoc.view.page.join import asset, joined
 
 UPLOT = "1.6.32"
@@ -46,7 +45,8 @@ class Page:
             "title": escape(title),
             "subtitle": escape(run.flat.description),
             "missing": "".join(missing),
-            "equations": equations_html(run),
+            "equations": found.equations,
+            "terms": found.terms,
             "system": system_html(run, found.data["script"].get("rtol")),
             "style": asset(f"uplot-{UPLOT}.min.css") + asset("page.css"),
             "uplot": asset(f"uplot-{UPLOT}.min.js"),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, field, replace
 from typing import Any
 
 from lmoc.report.result import Result
+from lmoc.support.records import dataclass
 from lmoc.symbolic.styles import unit_text
 from lmoc.view.javascript.script import NotWritten, Script, write_script
 from lmoc.view.javascript.sliders import sliders
@@ -15,25 +16,42 @@ from lmoc.view.page.hands import hands_data, of_origin, run_with_hands
 
 MOST_SLIDERS = 60
 MOST_SCRIPT = 500_000  # characters of the page's own simulation
-NO_HANDS: dict[str, Any] = {"hands": [], "handOf": {}}
 
 
-def write_run(run: Result, moving: Sequence[str]) -> tuple[Script | None, str, dict[str, Any]]:
-    """Return the run as JavaScript, or why there is none, and what can be pulled in it."""
+@dataclass(frozen=True, eq=False)
+class OwnRun:
+    """What the page simulates.
+
+    Attributes
+    ----------
+    run : with a hand at each node of the picture that moves, where that can be had
+    script : None where the page has no simulation
+    reason : why it has none
+    hands : {"hands": what the page reads of them, "handOf": {variable: index of the hand that moves it}}
+    """
+
+    run: Result
+    script: Script | None = None
+    reason: str = ""
+    hands: Mapping[str, Any] = field(default_factory=lambda: {"hands": [], "handOf": {}})
+
+
+def write_run(run: Result, moving: Sequence[str]) -> OwnRun:
+    """Return the run as JavaScript, or why there is none; `moving` are the variables that move the picture."""
     if len(run.time) < 2 or not len(run.trajectory.segments[0].time):
-        return None, "the run has fewer than two output times", NO_HANDS
+        return OwnRun(run, reason="the run has fewer than two output times")
     try:
         script = write_script(run.trajectory)
     except NotWritten as error:
-        return None, str(error), NO_HANDS
+        return OwnRun(run, reason=str(error))
     if _size(script) > MOST_SCRIPT:
         size = f"{_size(script) / 1e6:.1f} MB"
-        return None, f"the scene is too large to be simulated in a page (its equations take {size})", NO_HANDS
-    return _with_hands(run, moving) or (script, "", NO_HANDS)
+        return OwnRun(run, reason=f"the scene is too large to be simulated in a page (its equations take {size})")
+    return _with_hands(run, moving) or OwnRun(run, script)
 
 
-def _with_hands(run: Result, moving: Sequence[str]) -> tuple[Script, str, dict[str, Any]] | None:
-    """Return the script of the run in which nodes of the picture can be pulled; None where that cannot be had."""
+def _with_hands(run: Result, moving: Sequence[str]) -> OwnRun | None:
+    """Return the run in which nodes of the picture can be pulled; None where that cannot be had."""
     found = run_with_hands(run, moving)
     if found is None:
         return None
@@ -46,21 +64,21 @@ def _with_hands(run: Result, moving: Sequence[str]) -> tuple[Script, str, dict[s
         return None
     data = {"hands": hands_data(hands, script.registers), "handOf": places}
     slots, registers = (of_origin(numbers, run, held) for numbers in (script.slots, script.registers))
-    return replace(script, slots=slots, registers=registers), "", data
+    return OwnRun(held, replace(script, slots=slots, registers=registers), hands=data)
 
 
 def _size(script: Script) -> int:
     return len(script.text) + len(json.dumps(script.data))
 
 
-def script_data(run: Result, script: Script | None, reason: str) -> dict[str, Any]:
+def script_data(run: Result, own: OwnRun) -> dict[str, Any]:
     """Return what the page reads of its own simulation, or the reason why there is none."""
-    if script is None:
-        return {"reason": reason, "parameters": [], "held": [], "names": []}
-    found = sliders(run.trajectory.observer, script.slots, MOST_SLIDERS)
+    if own.script is None:
+        return {"reason": own.reason, "parameters": [], "held": [], "names": [], **own.hands}
+    found = sliders(run.trajectory.observer, own.script.slots, MOST_SLIDERS)
     order = sorted(found, key=lambda s: bool(s.fixed))
     parameters = [asdict(s) | {"unit": unit_shown(s.unit)} for s in order]
-    return script.data | {"reason": "", "parameters": parameters}
+    return own.script.data | {"reason": "", "parameters": parameters, **own.hands}
 
 
 def function_text(script: Script) -> str:

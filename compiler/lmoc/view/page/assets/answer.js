@@ -69,7 +69,7 @@ export function givenAnswer(data) {
   const time = Float64Array.from(decode(data.time, 64));
   const values = decode(data.values, 32);
   const columns = new Map();
-  for (const { name, column, value } of data.variables) {
+  for (const { name, column, value } of [...data.jets, ...data.variables]) {
     const own = column === undefined ? (value ?? NaN) : values.subarray(column * time.length, (column + 1) * time.length);
     columns.set(name, own);
   }

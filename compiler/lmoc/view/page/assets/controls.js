@@ -98,15 +98,19 @@ export class Sliders {
     this.changed(final);
   }
 
-  /** All values at once; those not named are the model's. */
   setAll(values) {
+    this.put(values);
+    this.changed(true);
+  }
+
+  /** Take all values at once, without a word; those not named are the model's. */
+  put(values) {
     this.values = {};
     for (const [name, value] of Object.entries(values)) {
       const own = this.rows.get(name);
       if (own !== undefined && !own.parameter.fixed && value !== own.parameter.value) this.values[name] = value;
     }
     for (const name of this.rows.keys()) this.write(name);
-    this.changed(true);
   }
 
   write(name) {

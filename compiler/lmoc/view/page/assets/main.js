@@ -16,19 +16,20 @@ import { Stage } from "./picture.js";
 import { PhasePlot } from "./phase.js";
 import { Player, SPEEDS } from "./player.js";
 import { Plots } from "./plots.js";
+import { Shades } from "./shades.js";
 
 const AGREES = 1e-6; // of the largest value of the same unit …
 const ADD_UP = 50; // … or this many times the tolerance: the errors of two runs
 const INSTANTS = 200; // at which the picture is looked at for the room that it needs
 const STEP = 200; // of these a run is walked through with the arrow keys
 
-/** Open the page. `worker` is the script of its own simulation. */
-export function open(data, worker) {
-  return new Page(data, worker);
+/** Open the page. `worker` is the script of its own simulation, `terms` are those of the equations, as functions. */
+export function open(data, worker, terms) {
+  return new Page(data, worker, terms);
 }
 
 class Page {
-  constructor(data, worker) {
+  constructor(data, worker, terms) {
     this.data = data;
     const units = new Map(data.variables.map((v) => [v.name, v.unit]));
     this.unitOf = (name) => units.get(name) ?? "";
@@ -41,6 +42,7 @@ class Page {
     this.forces = false;
     this.serial = 0;
     this.engine = this.sliders = this.starts = this.motion = this.swing = null;
+    this.repeated = Promise.resolve(false); // whether the page's own run serves
     const { time } = this.given;
     this.times = time;
     this.player = new Player(time[0] ?? 0, time[time.length - 1] ?? 0, (t) => this.show(t), () => this.writePlayer());
@@ -52,6 +54,7 @@ class Page {
     const state = read(location.hash);
     this.chooser = new Chooser($("chooser"), names, state.show?.filter((n) => names.includes(n)) ?? data.shown, () => this.draw());
     this.card = new Card(data.parts, names, this.unitOf, around, (name) => this.choose(name));
+    this.shades = new Shades($("equations"), $("shades"), terms, data.terms, data.jets.map(({ name }) => name));
     this.makePicture();
     this.listen();
     this.put(state);
@@ -60,33 +63,51 @@ class Page {
 
   // ---------------------------------------------------------------- making
 
+  /** What can be moved is there at once; what is asked for waits until the run has been repeated. */
   async makeEngine(worker, state) {
-    const { script, variables, picture, check, sizes, complete, checkTimes } = this.data;
+    const { script, variables, jets, picture } = this.data;
     if (script.reason) {
-      $("hint").textContent = `The sliders are missing: ${script.reason}.`;
+      this.withoutEngine(script.reason);
       return;
     }
-    const engine = new Engine(worker, { script, variables, picture }, (is) => document.body.toggleAttribute("data-busy", is));
-    const { reason, missed, times } = await engine.ask("repeat", { times: checkTimes, check, sizes, complete, given: this.given.time });
-    if (reason && complete) {
-      $("hint").textContent = `The sliders are missing: repeated in this page, the run does not reach its end (${reason}).`;
-      return;
-    }
-    Object.assign(this, { engine, times });
-    const text = missed === 0 ? "does not differ" : `differs by ${missed.toPrecision(1)} of the largest value of each unit`;
-    $("repeat").textContent = `Computed again by this page, the run ${text}.`;
-    $("repeat").dataset.difference = String(missed);
-    if (!(missed <= Math.max(AGREES, ADD_UP * script.rtol))) $("hint").append($("repeat")), $("repeat").classList.add("warning");
-    if (script.held.length) $("held").textContent = `The start of ${script.held.join(", ")} stays as it is in this run.`;
+    const engine = new Engine(worker, { script, variables: [...variables, ...jets], picture }, (is) => document.body.toggleAttribute("data-busy", is));
+    this.engine = engine;
     this.sliders = new Sliders($("sliders"), script.parameters, () => this.simulate());
     this.starts = new Starts($("sliders"), script.names.filter((n) => this.given.has(n) && !n.startsWith("ledger.")), this.unitOf, () => this.started(this.starts.values));
+    this.starts.put(this.init, this.given);
+    if (script.held.length) $("held").textContent = `The start of ${script.held.join(", ")} stays as it is in this run.`;
     $("parameters").hidden = false;
     for (const { item, group } of this.stage?.parts ?? []) group.classList.toggle("takes", canBeTaken(item));
+    this.repeated = this.repeat(engine);
     await this.putRuns(state);
+    if (!(await this.repeated)) return;
     listenToFrame(({ values, initial }) => {
       this.init = initial;
       this.sliders.setAll(values);
     });
+  }
+
+  withoutEngine(reason) {
+    this.engine = null;
+    $("parameters").hidden = true;
+    for (const { group } of this.stage?.parts ?? []) group.classList.remove("takes");
+    $("hint").textContent = `The sliders are missing: ${reason}.`;
+  }
+
+  /** Compute the run again, and tell by how much it differs; false where that does not come to its end. */
+  async repeat(engine) {
+    const { script, check, sizes, complete, checkTimes } = this.data;
+    const { reason, missed, times } = await engine.ask("repeat", { times: checkTimes, check, sizes, complete, given: this.given.time });
+    if (reason && complete) {
+      this.withoutEngine(`repeated in this page, the run does not reach its end (${reason})`);
+      return false;
+    }
+    this.times = times;
+    const text = missed === 0 ? "does not differ" : `differs by ${missed.toPrecision(1)} of the largest value of each unit`;
+    $("repeat").textContent = `Computed again by this page, the run ${text}.`;
+    $("repeat").dataset.difference = String(missed);
+    if (!(missed <= Math.max(AGREES, ADD_UP * script.rtol))) $("hint").append($("repeat")), $("repeat").classList.add("warning");
+    return true;
   }
 
   makePicture() {
@@ -182,24 +203,23 @@ class Page {
   /** … and what does. */
   async putRuns({ set, init, pulls, against, t }) {
     if (this.engine === null) return;
-    const { times } = this;
-    this.against = null;
-    if (against !== null) {
-      const found = await this.engine.ask("run", { times, values: against.set, initial: against.init });
+    Object.assign(this, { init, pulls, against: null });
+    this.sliders.put(set);
+    if (against !== null && (await this.repeated)) {
+      const found = await this.engine.ask("run", { times: this.times, values: against.set, initial: against.init });
       if (found !== null) this.against = { ...against, answer: revived(found) };
     }
-    Object.assign(this, { init, pulls });
-    this.sliders.setAll(set);
     await this.simulate();
     this.player.seek(this.player.begin + t);
   }
 
   /** Run with the values of the sliders, and from the start that was given. */
   async simulate() {
+    const serial = ++this.serial;
+    if (!(await this.repeated) || serial !== this.serial) return;
     const { sliders, init, pulls, times, given } = this;
     const values = { ...sliders.values };
     const moved = Object.keys(values).length + Object.keys(init).length + pulls.length > 0;
-    const serial = ++this.serial;
     const found = moved ? await this.engine.ask("run", { times, values, initial: init, pulls }) : given;
     if (found === null || serial !== this.serial) return; // a later one has taken its place
     this.putAnswer(moved ? revived(found) : given, moved);
@@ -391,6 +411,7 @@ class Page {
     $("keep").setAttribute("aria-pressed", String(against !== null));
     $("keep").textContent = against === null ? "Record this run" : "Forget the recorded run";
     if (data.picture !== null) this.motion = this.newMotion();
+    this.shades.put(answer);
     this.values = answer.reader(this.chooser.shown);
     this.otherValues = other?.reader(this.chooser.shown) ?? null;
     this.card.choose(this.card.part, answer, other);
@@ -438,7 +459,7 @@ class Page {
       this.stage.show(this.motion, values, this.swing === null ? (this.otherPlaces?.(t) ?? null) : null);
       this.showForces(t, values);
     }
-    for (const shown of [this.plots, this.energy, this.card]) shown.show(t);
+    for (const shown of [this.plots, this.energy, this.card, this.shades]) shown.show(t);
     this.writeValues(t);
     $("modes").textContent = modesText(this.answer, t);
     const event = this.answer.events.findLast((e) => e.time === t);
