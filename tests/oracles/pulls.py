@@ -44,7 +44,7 @@ class Pulled(NamedTuple):
     reason: str  # why the page's run has ended
     missed: float  # by the states of the page, of the largest of each in Python's run with the same force
     moved: float  # by the hand, likewise
-    balance: float  # error of the page's ledger, of its largest sum
+    balance: float  # error of the page's ledger, of the largest energy
 
 
 def pulled_everywhere(run):
@@ -74,5 +74,5 @@ def _pulled(run, hands, name, signals, reason, columns):
         missed = max(missed, np.abs(values[:count] - truth[state][:count]).max() / size)
         moved = max(moved, np.abs(run[state][:count] - truth[state][:count]).max() / size)
     error = (work - work[0]) - (heat - heat[0]) - (stored - stored[0])
-    balance = np.abs(error).max() / max(1e-6, np.abs(stored - stored[0]).max(), np.abs(work - work[0]).max())
+    balance = np.abs(error).max() / max(1e-6, np.abs(stored).max(), np.abs(work - work[0]).max())
     return Pulled(name, hand.kind, signals[0], reason, float(missed), float(moved), float(balance))

@@ -315,6 +315,40 @@ def test_variables_are_plotted_over_each_other_and_the_energy_part_by_part(suspe
         assert here == pytest.approx(slope * np.interp(0.5, run.time, values) + offset, abs=0.5)
 
 
+PUSHED = {
+    "line": """
+    Fixed wall; Spring spring(k = 20); Mass body(m = 1, q(start = 0.1, fixed = true), v(start = 0, fixed = true));
+    Force push(f = 5*cos(3*time));
+  equation
+    connect(wall.flange, spring.a); connect(spring.b, body.flange); connect(push.flange, body.flange);""",
+    "plane": """
+    import Planar.*; inner World world(g = 9.81); Anchor nail(x = 0, y = 1); Spring spring(k = 20);
+    Force push(fx = 3, fy = 4);
+    PointMass body(m = 1, x(start = 0.1, fixed = true), y(start = 0, fixed = true),
+      vx(start = 0, fixed = true), vy(start = 0, fixed = true));
+  equation
+    connect(push.point, body.point); connect(spring.a, nail.point); connect(spring.b, body.point);""",
+}
+
+
+@pytest.mark.parametrize("where", PUSHED)
+def test_forces_are_arrows_in_scale(where):
+    """Tensions at both ends of a spring, what pushes as it points."""
+    run = lmoc.compile_text(f"model M {PUSHED[where]} annotation(experiment(StopTime = 2)); end M;").simulate()
+    seen = open_page(run.view().html, FACTS + """
+      $("forces").click();
+      const line = (p) => p.getAttribute("d").slice(1).split("L").slice(0, 2).map((v) => v.split(" ").map(Number));
+      const arrows = [...document.querySelectorAll("#stage .arrows path")].map(line);
+      return { arrows: arrows.map(([a, b]) => [b[0] - a[0], a[1] - b[1]]), scale: $("scale").textContent };
+    """)  # fmt: skip
+    tension, push = float(run["spring.f"][0]), (5, 0) if where == "line" else (3, 4)
+    largest = max(np.abs(run.fine["spring.f"]).max(), 5)
+    assert seen.console == [] and float(seen.answer["scale"].split()[1]) == pytest.approx(largest, rel=1e-3)
+    one, other, pushing = np.array(seen.answer["arrows"]) * largest / 56
+    assert np.allclose(one, -other, atol=0.01) and np.hypot(*one) == pytest.approx(abs(tension), rel=1e-2)
+    assert np.allclose(pushing, push, atol=0.02)
+
+
 SLIDERS = """
 model M
   parameter Real a = 2 "not asked for";

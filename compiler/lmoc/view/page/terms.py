@@ -41,7 +41,9 @@ class Terms:
 
 
 def terms_of(equations: PageEquations, run: Result, rows: np.ndarray) -> Terms:
-    """Return the terms of the equations of a run, at some of its output times."""
+    """Return the terms of the equations of a run at some of its output times; none where it has not kept everything."""
+    if run.trajectory.kept is not None:
+        return Terms()
     sides = [side for _, own in equations.modes for e in own for side in (e.left, e.right)]
     names = sorted({s.name for side in sides for c, f in side for s in (c * f).free_symbols})
     known = {n: v for n in names if (v := _over_time(run, n)) is not None}

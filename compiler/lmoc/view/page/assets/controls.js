@@ -148,11 +148,12 @@ export class Starts {
     group.hidden = names.length === 0;
   }
 
-  /** Take over values {name: value}; states that are not named are `answer`'s. */
-  put(values, answer) {
+  /** Take over values {name: value}; states that are not named have the value `of(name)`. */
+  put(values, of) {
     this.values = Object.fromEntries(Object.entries(values).filter(([name]) => this.entries.has(name)));
     for (const [name, entry] of this.entries) {
-      entry.value = format(this.values[name] ?? answer.of(name)[0]);
+      const text = format(this.values[name] ?? of(name));
+      if (entry.value !== text) entry.value = text; // while dragging, most stay
       entry.closest(".slider").classList.toggle("moved", name in this.values);
     }
   }

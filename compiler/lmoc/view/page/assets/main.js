@@ -74,7 +74,7 @@ class Page {
     this.engine = engine;
     this.sliders = new Sliders($("sliders"), script.parameters, () => this.simulate());
     this.starts = new Starts($("sliders"), script.names.filter((n) => this.given.has(n) && !n.startsWith("ledger.")), this.unitOf, () => this.started(this.starts.values));
-    this.starts.put(this.init, this.given);
+    this.starts.put(this.init, (name) => this.given.of(name)[0]);
     if (script.held.length) $("held").textContent = `The start of ${script.held.join(", ")} stays as it is in this run.`;
     $("parameters").hidden = false;
     for (const { item, group } of this.stage?.parts ?? []) group.classList.toggle("takes", canBeTaken(item));
@@ -116,9 +116,9 @@ class Page {
     if (picture === null) return;
     this.movers = movers(picture);
     this.stage = new Stage(picture, $("stage"), `Schematic of ${this.data.title}`);
-    this.forceOf = new Map(picture.items.filter((i) => i.variables.force).map((i) => [i, i.variables.force]));
+    this.forceOf = new Map(picture.items.map((i) => [i, forceNames(i, this.unitOf)]).filter(([, names]) => names.length));
     $("forces").disabled = this.forceOf.size === 0;
-    if ($("forces").disabled) $("forces").parentElement.title = "nothing in the picture pulls between two points";
+    if ($("forces").disabled) $("forces").parentElement.title = "nothing in the picture pulls or pushes";
     const { swinging } = this.data;
     $("swinging").hidden = swinging.modes.length === 0;
     $("mode").append(new Option("the run", ""), ...swinging.modes.map(({ label }, k) => new Option(`mode ${k + 1}: ${label}`, k)));
@@ -231,7 +231,7 @@ class Page {
     $("time").max = String(this.player.end);
     $("trouble").textContent = moved && this.answer.reason ? `With these values: ${this.answer.reason}.` : "";
     $("reset").disabled = !moved;
-    this.starts.put(this.init, this.answer);
+    this.starts.put(this.init, (name) => this.answer.of(name)[0]);
     this.draw();
     this.remember();
     tellFrame({ ...this.sliders?.values }, this.init);
@@ -362,9 +362,8 @@ class Page {
     const found = await engine.ask("reach", { ...dragged, to, values: { ...this.sliders.values }, initial: this.init });
     if (found === null || this.dragged === null) return;
     this.init = found.initial;
-    const here = revived(found);
-    this.stage.show(this.motion, here.reader(this.movers)(this.player.begin));
-    this.starts.put(this.init, here);
+    this.stage.show(this.motion, found.places);
+    this.starts.put(this.init, (name) => found.states[name]);
   }
 
   /** A frame of the scene with the hand in it. */
@@ -372,7 +371,7 @@ class Page {
     const { engine, pulling } = this;
     const found = await engine.ask("pull", { to: pulling.to, t });
     if (found === null || this.pulling !== pulling) return;
-    this.stage.show(this.motion, revived(found).reader(this.movers)(t));
+    this.stage.show(this.motion, found.places);
     this.stage.showHand(found.at, pulling.to);
   }
 
@@ -431,13 +430,12 @@ class Page {
       return [columns[k], ...others].reduce(([low, high], c) => c.reduce(widen, [low, high]), [Infinity, -Infinity]);
     });
     this.swing = mode === null ? null : new ModeMotion(mode, swinging.names, names, first, extremes, this.unitOf);
+    this.forceValues = answer.reader([...this.forceOf.values()].flat());
     this.largestForce = 0;
-    for (const name of new Set(this.forceOf.values())) {
-      for (const f of answer.of(name)) if (Number.isFinite(f)) this.largestForce = Math.max(this.largestForce, Math.abs(f));
+    for (const own of this.forceOf.values()) {
+      const parts = own.map((name) => answer.of(name));
+      parts[0].forEach((_, k) => (this.largestForce = Math.max(this.largestForce, Math.hypot(...parts.map((f) => f[k])) || 0)));
     }
-    const forces = [...new Set(this.forceOf.values())];
-    this.forceValues = answer.reader(forces);
-    this.forceIndex = new Map(forces.map((name, k) => [name, k]));
     const motion = new Motion(data.picture, names, first, extremes);
     const every = Math.max(1, Math.ceil(answer.time.length / INSTANTS));
     const places = (k) => columns.map((c) => c[Math.min(k * every, answer.time.length - 1)]);
@@ -470,12 +468,13 @@ class Page {
     const shown = this.forces && this.swing === null && this.largestForce > 0;
     $("scale").textContent = shown ? `(longest ${format(this.largestForce)} N)` : "";
     if (!shown) {
-      this.stage.showForces(this.motion, values, null, 1);
+      this.stage.showForces(this.motion, values, new Map(), 1);
       return;
     }
-    const forces = this.forceValues(t);
-    const of = (item) => (this.forceOf.has(item) ? forces[this.forceIndex.get(this.forceOf.get(item))] : NaN);
-    this.stage.showForces(this.motion, values, of, this.largestForce);
+    const now = this.forceValues(t);
+    let next = 0;
+    const forces = new Map([...this.forceOf].map(([item, { length }]) => [item, now.slice(next, (next += length))]));
+    this.stage.showForces(this.motion, values, forces, this.largestForce);
   }
 
   /** The values as text, those of the recorded run beside them. */
@@ -503,6 +502,12 @@ class Page {
     $("loop").checked = player.loop;
     if (!player.playing) this.remember();
   }
+}
+
+/** The variables of the force of an item: one between its two ends or along the way of its only one, or two in the plane. */
+function forceNames({ ends, symbol, variables: { force, fx, fy } }, unitOf) {
+  if (fx && fy) return [fx, fy];
+  return unitOf(force) === "N" && (ends.length === 2 || (symbol === "force" && ends[0].moves.length > 0)) ? [force] : [];
 }
 
 /** Whether an item goes or turns with the motion. */

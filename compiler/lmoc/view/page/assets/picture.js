@@ -122,18 +122,24 @@ export class Stage {
     this.hand.setAttribute("d", from === null ? "" : `M${[from, to].map((p) => p.map((v) => v.toFixed(2)).join(" ")).join("L")}`);
   }
 
-  /** Draw the forces in parts with two ends: `force(item)` is a tension, `largest` the one of the longest arrow. */
-  showForces(motion, values, force, largest) {
+  /** Draw `forces` of items: tensions between two ends, pushes along the way of one, [fx, fy]; `largest` has the longest arrow. */
+  showForces(motion, values, forces, largest) {
     this.arrows.replaceChildren();
-    if (force === null) return;
-    for (const { item } of this.parts) {
-      const tension = force(item);
-      if (item.ends.length !== 2 || !(Math.abs(tension) > 0.01 * largest)) continue;
+    for (const [item, force] of forces) {
+      const size = force.length > 1 ? Math.hypot(...force) : force[0];
+      if (!(Math.abs(size) > 0.01 * largest)) continue;
       const frame = motion.frame(item, values);
-      const length = (ARROW * tension) / largest;
-      this.arrows.append(arrow(place(frame, [0, 0, 0]), frame, length), arrow(place(frame, [1, 0, 0]), frame, -length));
+      const length = (ARROW * size) / largest;
+      if (item.ends.length === 2) this.arrows.append(arrow(place(frame, [1, 0, 0]), frame, -length));
+      this.arrows.append(arrow(place(frame, [0, 0, 0]), item.ends.length === 2 ? frame : direction(item, force), length));
     }
   }
+}
+
+/** The direction of a push. */
+function direction(item, force) {
+  const [dx, dy] = force.length > 1 ? [force[0], -force[1]] : [item.ends[0].moves[0].dx, item.ends[0].moves[0].dy];
+  return { cos: dx / Math.hypot(dx, dy), sin: dy / Math.hypot(dx, dy) };
 }
 
 function showParts(parts, motion, values) {

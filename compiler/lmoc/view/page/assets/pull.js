@@ -99,15 +99,16 @@ export class Pull {
     return [this.stiffness, short(w[hand.potentials[0]] + way)];
   }
 
-  /** Pull towards a place, and go on to a time; the values of the registers there. */
+  /** Pull towards a place, and go on to a time: what moves the picture there, and where the hand holds. */
   to(place, t) {
     if (this.done) return null;
     this.add(this.signals(place));
     this.run.horizon = Math.max(short(t), this.now.t);
     if (this.run.horizon > this.now.t) this.advance();
     if (this.done) return null;
-    const w = this.observed();
-    return { t: this.now.t, w, at: this.grip.motion.point(this.grip.item, this.grip.vertex, this.grip.read(w)) };
+    const { motion, item, vertex, read } = this.grip;
+    const places = read(this.observed());
+    return { places, at: motion.point(item, vertex, places) };
   }
 
   add(signals) {

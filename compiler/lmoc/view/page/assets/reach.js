@@ -29,8 +29,13 @@ export function reach(scene, x, point, to) {
   const least = first.gap.map((gap) => Math.min(gap, 0) - MISSED_GAP);
   const allowed = ({ gap }) => gap.every((g, k) => g >= least[k]);
   let [state, now] = [Float64Array.from(x), first];
+  let counting = Array.from(x, (_, j) => j); // states that the point or a gap depends on: only they are looked at again
   for (let round = 0; round < REACHING_ROUNDS && distance(now.miss) > NEAR_ENOUGH; round++) {
-    const step = direction(measure, state, now);
+    const columns = derivatives(measure, state, now, counting).filter(({ point, gap }) => [...point, ...gap].some((v) => v !== 0));
+    counting = columns.map(({ j }) => j);
+    if (counting.length === 0) break;
+    const step = new Float64Array(x.length);
+    direction(columns, now).forEach((v, k) => (step[counting[k]] = v));
     let better = null;
     for (let k = 0, share = 1; k < SHORTENED && better === null; k++, share /= 2) {
       const next = state.map((v, j) => v + share * step[j]);
@@ -47,13 +52,17 @@ export function reach(scene, x, point, to) {
 
 const distance = ([a, b]) => Math.hypot(a, b);
 
-/** The step of least squares: towards the place, and along those gaps that it would close. */
-function direction(measure, x, now) {
-  const columns = Array.from(x, (v, j) => {
-    const h = ASIDE * Math.max(1, Math.abs(v));
+/** Derivatives of the point and of the gaps by some states, [{j, point, gap}, …]. */
+function derivatives(measure, x, now, counting) {
+  return counting.map((j) => {
+    const h = ASIDE * Math.max(1, Math.abs(x[j]));
     const aside = measure(x.map((u, i) => (i === j ? u + h : u)));
-    return { point: aside.miss.map((m, k) => (now.miss[k] - m) / h), gap: aside.gap.map((g, k) => (g - now.gap[k]) / h) };
+    return { j, point: aside.miss.map((m, k) => (now.miss[k] - m) / h), gap: aside.gap.map((g, k) => (g - now.gap[k]) / h) };
   });
+}
+
+/** The step of least squares: towards the place, and along those gaps that it would close. */
+function direction(columns, now) {
   let closing = [];
   for (;;) {
     const rows = [0, 1].map((k) => columns.map((c) => c.point[k]));

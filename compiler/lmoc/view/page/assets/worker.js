@@ -54,12 +54,10 @@ class Work {
     return !this.pulling.done;
   }
 
-  /** Pull towards a place of the picture until a time; null where the run has ended. */
+  /** Pull towards a place of the picture until a time: what moves the picture there; null where the run has ended. */
   pull({ to, t }) {
     const found = this.pulling.to(to, t);
-    if (found === null) return null;
-    const columns = this.repeater.registers.map((register) => Float64Array.of(found.w[register]));
-    return { ...this.repeater.answer(Float64Array.of(found.t), columns), at: found.at };
+    return found === null ? null : { places: found.places, at: found.at };
   }
 
   /** Let go: the answer, and what has been pulled. */
@@ -68,8 +66,8 @@ class Work {
   }
 
   /**
-   * The start at which a point of an item of the picture is nearest to a place, {initial, columns}, the values of all
-   * variables there; constraints hold. `motion` has what `Motion` is made of, `vertex` the point in the item's frame.
+   * The start at which a point of an item of the picture is nearest to a place, {initial, states, places}, the values of
+   * all states there and of what moves the picture; constraints hold. `motion` has what `Motion` is made of, `vertex` the point in the item's frame.
    */
   reach({ values, initial, motion, item, vertex, to }) {
     const { repeater, picture } = this;
@@ -79,9 +77,8 @@ class Work {
     const found = reach(scene, x, this.pointOf(moves, motion.names, picture.items[item], vertex), to);
     const begin = scene.data.begin;
     const w = scene.observe(begin, found);
-    const columns = repeater.registers.map((register) => Float64Array.of(w[register]));
     const changed = scene.data.names.flatMap((name, j) => (found[j] !== x[j] || name in initial ? [[name, found[j]]] : []));
-    return { ...repeater.answer(Float64Array.of(begin), columns), initial: Object.fromEntries(changed) };
+    return { initial: Object.fromEntries(changed), states: Object.fromEntries(scene.data.names.map((name, j) => [name, found[j]])), places: this.reader(motion.names)(w) };
   }
 
   /** Where a point of an item is in the picture, as a function of the registers. */

@@ -1,0 +1,153 @@
+"""Pages in a real browser: size, first frame, complaints, and frames while a mass of a chain of 100 is dragged.
+
+    python benchmarks/page.py [FILE …]      all models without files
+
+The frames are those of Chromium's headless window, at 60 a second at most. Beside them stands what the page's thread
+works for a frame, which no other load changes: below 16 ms it is ready for the next one.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from oracles.browser import browser, open_page  # noqa: E402
+
+import lmoc  # noqa: E402
+
+LARGEST, LATEST = 1_500_000, 1000  # bytes, ms
+FRAMES = 120
+FACTS = """
+const paint = performance.getEntriesByType("paint").find((e) => e.name === "first-contentful-paint");
+return { first: paint?.startTime ?? NaN, requests: performance.getEntriesByType("resource").length,
+         wide: document.documentElement.scrollWidth > innerWidth, sliders: document.querySelectorAll(".slider").length,
+         hint: document.getElementById("hint").textContent };
+"""
+CHAIN = """
+model Chain "A chain of 100 masses"
+  parameter Integer n = 100;
+  Fixed wall;
+  Mass m[n](each m = 0.1, each q(start = 0, fixed = true), v(start = {0.01*i for i in 1:n}, each fixed = true));
+  SpringDamper s[n](each k = 400, each c = 0.05);
+equation
+  connect(wall.flange, s[1].a);
+  for i in 1:n loop connect(s[i].b, m[i].flange); end for;
+  for i in 2:n loop connect(m[i - 1].flange, s[i].a); end for;
+  annotation(experiment(StopTime = 20));
+end Chain;
+"""
+PENDULUM = """
+model Chains "Twenty pendulums of five springs and masses each"
+  inner Planar.World world(g = 9.81);
+  Planar.Anchor nail[20](x = {0.2*k for k in 1:20}, each y = 0);
+  Planar.PointMass ball[20](each m = 0.2, x(start = {0.2*k + 0.05 for k in 1:20}, each fixed = true),
+    y(start = {-0.5 for k in 1:20}, each fixed = true), each vx(start = 0, fixed = true),
+    each vy(start = 0, fixed = true));
+  Planar.Spring spring[20](each k = 30, each d0 = 0.4);
+  Planar.Spring tie[19](each k = 2, each d0 = 0.2);
+  Planar.Damper damper[19](each c = 0.02);
+equation
+  for k in 1:20 loop connect(nail[k].point, spring[k].a); connect(spring[k].b, ball[k].point); end for;
+  for k in 1:19 loop
+    connect(ball[k].point, tie[k].a); connect(tie[k].b, ball[k + 1].point);
+    connect(ball[k].point, damper[k].a); connect(damper[k].b, ball[k + 1].point);
+  end for;
+  annotation(experiment(StopTime = 20));
+end Chains;
+"""
+DRAG = """
+const FRAMES = 120, svg = document.querySelector("#stage svg");
+const box = document.querySelector("SELECTOR").getBoundingClientRect();
+svg.setPointerCapture = () => {};
+const [x, y] = [box.left + box.width / 2, box.top + box.height / 2];
+const send = (type, k) => svg.dispatchEvent(new PointerEvent(type, { bubbles: true, clientX: x + 20 * Math.sin(k / 9),
+  clientY: y + 6 * Math.sin(k / 5), button: 0, buttons: 1, pointerId: 1 }));
+const measured = async () => {
+  send("pointerdown", 0);
+  send("pointermove", 9);
+  const times = [];
+  let shown = 0, before = "";
+  for (let k = 0; k < FRAMES; k++) {
+    send("pointermove", k);
+    await frames(1);
+    times.push(performance.now());
+    const now = [...document.querySelectorAll("#stage .item path")].map((p) => p.getAttribute("d")).join();
+    shown += now !== before;
+    before = now;
+  }
+  send("pointerup", FRAMES);
+  await idle();
+  const gaps = times.slice(1).map((t, k) => t - times[k]).sort((a, b) => a - b);
+  const items = document.querySelectorAll("#stage .item").length;
+  const frames_ = 1000 * gaps.length / (times.at(-1) - times[0]);
+  return { items, rate: frames_, worst: gaps.at(-1), changed: shown / FRAMES };
+};
+if (PLAYS) {
+  document.getElementById("play").click();
+  await frames(5);
+}
+return await measured();
+"""
+
+
+def worked() -> float:
+    """Return the seconds that the thread of the page has worked."""
+    metrics = browser().command("Performance.getMetrics")["metrics"]
+    return next(m["value"] for m in metrics if m["name"] == "TaskDuration")
+
+
+def dragged(html: str, selector: str, plays: bool) -> str:
+    """Drag what a selector finds, and tell how the page follows."""
+    browser().command("Performance.enable", timeDomain="threadTicks")
+    open_page(html, "return 0;")
+    before = worked()
+    open_page(html, "return 0;")
+    opening = worked() - before
+    before = worked()
+    script = DRAG.replace("SELECTOR", selector).replace("PLAYS", str(plays).lower())
+    found = open_page(html, script).answer
+    work = (worked() - before - opening) / FRAMES
+    return (
+        f"{found['rate']:.0f} frames a second, the longest {found['worst']:.0f} ms, {1000 * work:.1f} ms of work each; "
+        f"{found['items']} items, anew in {found['changed']:.0%} of the frames"
+    )
+
+
+def main(files: list[str]) -> int:
+    """Print a line for each page; the number of pages that are not as they should be is the exit code."""
+    warnings.simplefilter("ignore")
+    wrong = 0
+    for file in files or sorted(p for p in (ROOT / "models").rglob("*.lmo") if "failures" not in p.parts):
+        path = Path(file)
+        try:
+            html = lmoc.compile(path).simulate().view().html
+        except (lmoc.ModelError, lmoc.SimulationError) as error:
+            print(f"{path.parent.name}/{path.stem}: {str(error).splitlines()[0]}", flush=True)
+            continue
+        seen = open_page(html, FACTS)
+        own = seen.answer
+        bad = seen.console or own["requests"] or own["wide"] or len(html) > LARGEST or not own["first"] < LATEST
+        wrong += bool(bad)
+        size, hint = f"{len(html) / 1e6:.2f} MB", f" {own['hint']}" * bool(own["hint"])
+        facts = f"{size}, first frame {own['first']:.0f} ms, {own['sliders']} sliders{hint}"
+        print(f"{path.parent.name}/{path.stem}: {facts}{f' WRONG {seen.console} {own}' * bool(bad)}", flush=True)
+    if not files:
+        for name, text, selector in (
+            ("chain", CHAIN, "#stage .mass path"),
+            ("plane", PENDULUM, "#stage .particle circle"),
+        ):
+            html = lmoc.compile_text(text).simulate().view().html
+            for plays in (False, True):
+                print(
+                    f"{name}, dragged {'while running' if plays else 'at rest'}: {dragged(html, selector, plays)}",
+                    flush=True,
+                )
+    return wrong
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
