@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
+from lmoc.numerics.coordinates.change import block_unknowns
 from lmoc.numerics.problem.system import System
 from lmoc.support.records import dataclass
 
@@ -62,7 +62,6 @@ class _Branch:
     def __init__(self, system: System, place: tuple[float, np.ndarray, np.ndarray], width: float) -> None:
         self.system, self.width = system, width
         self.unknowns = system.plan.once(block_unknowns)
-        self.base, self.signals = system.given
         self.t, self.x, self.solutions = place
         self.slope, _ = self.at(*place)
         (before, _), (after, _) = (self._beside(place, self.slope, k) for k in (-1, 1))
@@ -84,8 +83,7 @@ class _Branch:
     def at(self, t: float, x: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the derivatives of the states, and the solutions of the blocks found from some nearby."""
         slope = np.empty(len(x))
-        self.system.prepare(with_solutions(self.base, self.unknowns, near), self.signals)
-        self.system.rhs(t, x, slope)
+        self.system.rhs_near(t, x, self.unknowns, near, slope)
         return slope, self.system.registers[self.unknowns]
 
     def evaluate(self, t: float, x: np.ndarray, near: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:

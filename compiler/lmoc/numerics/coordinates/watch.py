@@ -226,11 +226,11 @@ class CoordinateWatch:
         the branches meet. The passage over the jump is right, but passes no singular place. The system's
         blocks are left at any place.
         """
-        base, signals = self.system.given
+        rate = np.empty(self.system.n)
 
         def margin(t: float) -> float:
             states, solutions = found.at(np.array([t]))
-            self.system.prepare(with_solutions(base, self.unknowns, solutions[0]), signals)
+            self.system.rhs_near(t, states[0], self.unknowns, solutions[0], rate)
             return rank_margin(self._sizes.scaled(self._matrix(t, states[0])))
 
         last = len(found.times) - 1

@@ -142,16 +142,22 @@ class EngineSystem(System):
 
     # ------------------------------------------------------------------ values
 
-    def _run(self, t: float, x: np.ndarray) -> None:
+    def _run(self, t: float, x: np.ndarray, near: bool = False) -> None:
         self._x[: self.n] = x
         if self.samplers:
             self.sample(t, self._x[self.n :])
-        if not self.kernel.evaluate(self._own, t, self._x):
+        evaluate = self.kernel.evaluate_near if near else self.kernel.evaluate
+        if not evaluate(self._own, t, self._x):
             self.w[self.outputs] = np.nan
 
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
         self._run(t, x)
+        np.take(self.w, self.outputs, out=out)
+
+    def rhs_near(self, t: float, x: np.ndarray, unknowns: np.ndarray, solutions: np.ndarray, out: np.ndarray) -> None:
+        self.w[unknowns] = solutions
+        self._run(t, x, near=True)
         np.take(self.w, self.outputs, out=out)
 
     @property

@@ -123,6 +123,19 @@ class System(ABC):
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         """Write f(t, x) into `out`."""
 
+    def rhs_near(self, t: float, x: np.ndarray, unknowns: np.ndarray, solutions: np.ndarray, out: np.ndarray) -> None:
+        """Write f(t, x) on the branch of some solutions into `out`; it does not count as an evaluation of a method.
+
+        Parameters
+        ----------
+        unknowns, solutions : (k,) registers of all unknowns of nonlinear blocks, and their values nearby
+        """
+        base, signals = self.given
+        there = base.copy()
+        there[unknowns] = solutions
+        self.prepare(there, signals)
+        self.rhs(t, x, out)
+
     @abstractmethod
     def pattern(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the CSC pattern (indptr, indices) of ∂f/∂x."""

@@ -234,6 +234,7 @@ class Changes:
         singular = watch.singular_within(found)
         if singular is not None:
             self.passed.append(singular)
+        watch.go_back()
         begin = min(float(found.times[-1]), end)
         between = self._standing(segment, place.t, found.solutions[0], segment.reached)
         ahead = between.recorder.times
