@@ -14,9 +14,8 @@ from lmoc.structure.index.dulmage_mendelsohn import components
 from lmoc.structure.index.incidence import Incidence, ranges
 from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.loops.sample import Sample
+from lmoc.structure.loops.smallest import DAMPING, multipliers
 from lmoc.support.distinct import distinct
-
-DAMPING = 1e-13  # keeps the equations for a step regular where constraints repeat each other
 
 
 class ConstraintRows:
@@ -138,7 +137,8 @@ class ConstraintRows:
         size = np.sqrt(np.bincount(self.row, weight[self.column] * entry**2, self.count))
         size = np.where(size > 0, size, 1.0)
         entry = entry / size[self.row]
-        multiplier = self._solve(entry, weight, -residual / size)
+        shape = self.count, len(self.jets)
+        multiplier = multipliers((self.row, self.column, entry), shape, weight, -residual / size, DAMPING)
         return weight * np.bincount(self.column, entry * multiplier[self.row], len(self.jets))
 
     @cached_property
@@ -193,18 +193,3 @@ class ConstraintRows:
             return np.where(self.jets[place] == jets, values[..., place], at.flat[jets])
 
         return value_of
-
-    def _solve(self, entry: np.ndarray, weight: np.ndarray, right: np.ndarray) -> np.ndarray:
-        """(rows,) the multipliers of the constraints; NaN where they cannot be determined."""
-        if not (np.isfinite(entry).all() and np.isfinite(right).all()):
-            return np.full(self.count, np.nan)
-        from scipy.sparse import csr_matrix, diags, identity
-        from scipy.sparse.linalg import splu
-
-        jacobian = csr_matrix((entry, (self.row, self.column)), (self.count, len(self.jets)))
-        normal = jacobian @ diags(weight) @ jacobian.T + DAMPING * identity(self.count)
-        try:
-            result: np.ndarray = splu(normal.tocsc()).solve(right)
-            return result
-        except RuntimeError:  # SuperLU: "Factor is exactly singular"
-            return np.full(self.count, np.nan)

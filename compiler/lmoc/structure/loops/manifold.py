@@ -36,6 +36,7 @@ from lmoc.structure.linear.sum_rows import SumRows
 from lmoc.structure.loops.nearest import closed, nearest
 from lmoc.structure.loops.redundancy import constraints, free_reactions
 from lmoc.structure.loops.sample import Sample, given
+from lmoc.structure.loops.smallest import in_rows_of_length_one, projected, surely_independent
 from lmoc.structure.messages.equations import SHOWN, Equations, listed
 from lmoc.support.records import dataclass
 from lmoc.support.sizes import RANK
@@ -283,11 +284,9 @@ class _Component:
 
     def _aside(self, values: np.ndarray, rows: np.ndarray, turns: int) -> np.ndarray:
         """A point beside another one, in a direction that some of the constraints allow but no special one."""
-        jacobian = self._jacobian(values)[rows]
-        _, size, directions = np.linalg.svd(jacobian)
-        free = directions[np.count_nonzero(size > SUSPECT * size.max(initial=0.0)) :]
         scale = np.sqrt(np.mean(values**2)) or 1.0
-        return values + ASIDE * scale * free.T @ (free @ (spread(len(values), turns) - 0.5))
+        direction = spread(len(values), turns) - 0.5
+        return values + ASIDE * scale * projected(self._jacobian(values)[rows], direction, SUSPECT)
 
     def _closed(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray | None:
         """The point that satisfies some of the constraints, reached by the smallest steps; None where they diverge."""
@@ -368,9 +367,10 @@ def _independent(jacobian: np.ndarray, share: float) -> tuple[np.ndarray, dict[i
     Rows are orthogonalized, of those left nearly the longest first, so that what is kept is well conditioned here
     (Businger and Golub, Numer. Math. 7, 1965; twice each: Björck, Numerical Methods for Least Squares Problems, 2.4).
     """
-    size = np.linalg.norm(jacobian, axis=1)
-    unit = jacobian / np.where(size > 0, size, 1.0)[:, None]
-    left, open_ = unit.copy(), size > 0
+    unit = in_rows_of_length_one(jacobian)
+    if surely_independent(unit, share):
+        return np.arange(len(unit)), {}
+    left, open_ = unit.copy(), unit.any(axis=1)
     kept: list[int] = []
     while open_.any():
         length = np.where(open_, np.linalg.norm(left, axis=1), 0.0)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lmoc.structure.linear.generic import spread
+from lmoc.structure.loops.smallest import damped_step, smallest_step
 
 # steps of each iteration; the relative size of the last one; how often it begins; how far from the given values,
 # squared and weighted, a point may be to be taken at once
@@ -61,10 +62,8 @@ def fitted(values: np.ndarray, free: np.ndarray, linearized: Linearized) -> np.n
         own = jacobian[:, free]
         if not (np.isfinite(own).all() and np.isfinite(cost)):
             return values
-        normal, slope = own.T @ own, own.T @ residual
-        damped = normal + np.diag(damping * np.diag(normal) + 1e-14 * max(np.trace(normal), 1e-300))
         new = values.copy()
-        new[free] -= np.linalg.lstsq(damped, slope, rcond=None)[0]
+        new[free] -= damped_step(own, residual, damping)
         new_residual, new_jacobian = linearized(new)
         new_cost = new_residual @ new_residual
         if not new_cost < cost:
@@ -89,7 +88,7 @@ def closed(values: np.ndarray, weight: np.ndarray | float, linearized: Linearize
             return None
         size = np.linalg.norm(jacobian * ease, axis=1)
         size[size == 0] = 1.0
-        step = ease * np.linalg.lstsq(jacobian * ease / size[:, None], -residual / size, rcond=1e-12)[0]
+        step = ease * smallest_step(jacobian * ease / size[:, None], -residual / size)
         values = values + step
         length, extent = float(np.abs(step).max(initial=0.0)), max(scale, float(np.abs(values).max(initial=0.0)))
         if length <= CLOSED * extent or (length <= 1e-7 * extent and length > before / 4):
