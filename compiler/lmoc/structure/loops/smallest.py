@@ -1,4 +1,4 @@
-"""The smallest steps that satisfy linear equations: dense for few, by sparse factors for many with few unknowns each."""
+"""The smallest steps that satisfy linear equations: dense for few, by sparse factors for many of few unknowns each."""
 
 from __future__ import annotations
 
