@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lmoc.numerics.coordinates.local_form import LocalRows
 from lmoc.numerics.coordinates.tableau import Tableau, rank_margin
 from lmoc.support.records import dataclass
 
@@ -23,6 +24,7 @@ class ConstraintState:
     least : what its smallest singular value is not below
     solutions : of the nonlinear blocks, in the order of `CoordinateWatch.unknowns`
     coordinates : their values, by the columns of the constraints; none where the system does not tell
+    local : the scaled matrix block by block; None where it is seen as a whole
     """
 
     t: float
@@ -33,11 +35,12 @@ class ConstraintState:
     least: float
     solutions: np.ndarray
     coordinates: np.ndarray
+    local: LocalRows | None = None
 
     @cached_property
     def margin(self) -> float:
-        """The smallest singular value of the scaled matrix."""
-        return rank_margin(self.scaled)
+        """The smallest singular value of the scaled matrix, or of its blocks."""
+        return rank_margin(self.scaled) if self.local is None else self.local.margin
 
     def unexplained(self, later: ConstraintState, watched: np.ndarray) -> np.ndarray:
         """Return how far the dependent coordinates have come to a later place, apart from what their velocities tell.

@@ -16,7 +16,7 @@ from lmoc.numerics.limits import NO_ENTRY
 from lmoc.support.records import dataclass
 
 _GOOD = 1.5  # the largest entry with which exchanges end
-_VANISHING = 1e-6  # as small a singular value of A, where a segment begins, is none
+VANISHING = 1e-6  # as small a singular value of A, where a segment begins, is none
 _NORMALIZATIONS, AGAIN, NORMAL = 30, 6, 1e-2
 SHARE = 0.5  # of the longest straight way on which the rank is certainly kept: the way of a motion is curved
 
@@ -30,11 +30,13 @@ class Tableau:
     table : (watched, states) T in the rows of the watched dependent coordinates, in units of the coordinates' scales
     sign : of the determinant of A
     plain : (watched, states) T in the coordinates' own units
+    signs : of the determinants of the blocks of A, a byte each; empty where it is not seen in blocks
     """
 
     table: np.ndarray
     sign: float
     plain: np.ndarray
+    signs: bytes = b""
 
     def worst(self, rows: np.ndarray) -> float:
         """Return the largest entry in some rows; infinity where the dependent coordinates do not follow at all."""
@@ -143,7 +145,7 @@ def in_rows_of_one_size(matrix: np.ndarray) -> np.ndarray:
 def vanishes(matrix: np.ndarray) -> bool:
     """Return whether the dependent coordinates do not follow, in rows of one size."""
     a = in_rows_of_one_size(matrix)[:, : len(matrix)]
-    return not np.isfinite(a).all() or bool(np.linalg.svd(a, compute_uv=False)[-1] < _VANISHING)
+    return not np.isfinite(a).all() or bool(np.linalg.svd(a, compute_uv=False)[-1] < VANISHING)
 
 
 def equilibrated(size: np.ndarray, before: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -15,10 +15,12 @@ from lmoc.numerics.coordinates.condition_bounds import ConditionBounds, Scales, 
 from lmoc.numerics.coordinates.constraint_state import ConstraintState
 from lmoc.numerics.coordinates.entries import entries_of
 from lmoc.numerics.coordinates.equilibration import Equilibration
+from lmoc.numerics.coordinates.local_form import LocalForm, LocalRows
 from lmoc.numerics.coordinates.passage import Passage
 from lmoc.numerics.coordinates.step_check import CheckLimits
 from lmoc.numerics.coordinates.tableau import (
     SHARE,
+    Tableau,
     exchanged,
     in_rows_of_one_size,
     rank_margin,
@@ -81,6 +83,7 @@ class CoordinateWatch:
         self.last: ConstraintState
         self.lost_rank, self.singular = False, np.inf
         self._parts = parts_of(system, self._registers)
+        self._form = LocalForm.of(system.plan)
         self._condition: ConditionBounds | None = None
         self._bounds: list[float] | None = None  # of the last look
         self._alert, self._looked_inside = _ALERT, False
@@ -113,12 +116,12 @@ class CoordinateWatch:
         worst = place.found.worst(~self.barred)
         self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)
         self._accept(place)
-        return Status.COORDINATES if worst > self.limit or vanishes(place.matrix) else Status.OK
+        return Status.COORDINATES if worst > self.limit or self._vanishes(place) else Status.OK
 
     @property
     def determines(self) -> bool:
         """Return whether the rest follows from the coordinates at the last place accepted, however badly."""
-        return self.accepted.found.sign != 0.0 and not vanishes(self.accepted.matrix)
+        return self.accepted.found.sign != 0.0 and not self._vanishes(self.accepted)
 
     def __call__(self, t: float, x: np.ndarray) -> Status:
         """Judge an accepted step: COORDINATES where others are better by a margin, or where it may lead astray."""
@@ -164,7 +167,7 @@ class CoordinateWatch:
         crawling = status is Status.CRAWLING  # not the fault of coordinates: they are watched
         self.lost_rank = self.accepted.margin < (_ALERT if crawling else _DEPENDENT)
         if crawling and not self.lost_rank:  # begun so near that all entries of a column have been small ever since
-            self.lost_rank = rank_margin(in_rows_of_one_size(self.accepted.matrix)) < _DEPENDENT
+            self.lost_rank = self._rank_margin(in_rows_of_one_size(self.accepted.matrix)) < _DEPENDENT
         self.last, self.singular = self.accepted, self.accepted.t
         return Status.COORDINATES if self.lost_rank or (not crawling and self.better()) else status
 
@@ -191,8 +194,8 @@ class CoordinateWatch:
     @property
     def passed_a_singular_place(self) -> bool:
         """Return whether the last step judged has led over a place where the coordinates do not determine the rest."""
-        sign = self.last.found.sign
-        return sign == 0.0 or sign != self.accepted.found.sign
+        now, before = self.last.found, self.accepted.found
+        return now.sign == 0.0 or now.sign != before.sign or now.signs != before.signs
 
     def tolerate(self) -> None:
         """Take the last step's coordinates for as good as they can be."""
@@ -231,7 +234,7 @@ class CoordinateWatch:
         def margin(t: float) -> float:
             states, solutions = found.at(np.array([t]))
             self.system.rhs_near(t, states[0], self.unknowns, solutions[0], rate)
-            return rank_margin(self._sizes.scaled(self._matrix(t, states[0])))
+            return self._rank_margin(self._sizes.scaled(self._matrix(t, states[0])))
 
         last = len(found.times) - 1
         k = int(np.argmin([margin(t) for t in found.times.tolist()]))
@@ -265,13 +268,17 @@ class CoordinateWatch:
     def _look(self, t: float, x: np.ndarray) -> ConstraintState:
         """Rows and columns are compared in the sizes that they have had so far: one that vanishes now is small."""
         condition, sizes, self._bounds = self._condition, self._sizes, None
-        solutions, coordinates, own = np.zeros(0), np.zeros(0), self.constraints
+        solutions, coordinates, own, local = np.zeros(0), np.zeros(0), self.constraints, None
         if condition is None or sizes.scales is None:
             matrix = self._matrix(t, x)
             sizes.grow(np.abs(matrix))
-            even, found = sizes.scaled(matrix), tableau(matrix, own.watched, sizes.ranges)
-            least = self._least(even)
-            self._recent = even, least, sizes.scales
+            even = sizes.scaled(matrix)
+            if self._form is None:
+                found, least = tableau(matrix, own.watched, sizes.ranges), self._least(even)
+                self._recent = even, least, sizes.scales
+            else:
+                found, local = self._seen_locally(self._form, even)
+                least = local.margin
         else:
             self._begin_condition()
             bounds = condition(t, x)
@@ -293,7 +300,23 @@ class CoordinateWatch:
             solutions = self.system.registers[self.unknowns]
         if len(self._registers):
             coordinates = self.system.registers[self._registers]
-        return ConstraintState(t, x.copy(), matrix, found, even, least, solutions, coordinates)
+        return ConstraintState(t, x.copy(), matrix, found, even, least, solutions, coordinates, local)
+
+    def _seen_locally(self, form: LocalForm, even: np.ndarray) -> tuple[Tableau, LocalRows]:
+        """The tableau of a scaled matrix, and the rows of its blocks."""
+        own, factors = self.constraints, self._sizes.factors()
+        columns = factors[1]
+        table, signs = form.followed(even)
+        plain = columns[: own.rows, None] * table / columns[own.rows :]
+        sign = float(np.prod(np.frombuffer(signs, np.int8))) if signs else 0.0
+        found = scaled(plain[own.watched], sign, own.watched, self._sizes.ranges)
+        return replace(found, signs=signs), form.local(even, factors, table)
+
+    def _vanishes(self, place: ConstraintState) -> bool:
+        return vanishes(place.matrix) if self._form is None else self._form.vanishes(place.matrix)
+
+    def _rank_margin(self, even: np.ndarray) -> float:
+        return rank_margin(even) if self._form is None else self._form.local(even).margin
 
     def _make_condition(self) -> None:
         if self._condition is None and self._parts is not None:
@@ -333,11 +356,7 @@ class CoordinateWatch:
 
     def _stays_regular(self, first: ConstraintState, second: ConstraintState, halvings: int) -> bool:
         """Return whether the constraints keep their rank between two places, judged in between if necessary."""
-        change = self._sizes.scaled(second.matrix - first.matrix)
-        if stays_regular(change, first.least + second.least) or (
-            first.least + second.least < first.margin + second.margin
-            and stays_regular(change, first.margin + second.margin)
-        ):
+        if self._is_regular_between(first, second):
             return True
         if not halvings:
             both = first.margin + second.margin
@@ -346,6 +365,22 @@ class CoordinateWatch:
         self._looked_inside = True
         middle = self._look((first.t + second.t) / 2, (first.x + second.x) / 2)
         return self._stays_regular(first, middle, halvings - 1) and self._stays_regular(middle, second, halvings - 1)
+
+    def _is_regular_between(self, first: ConstraintState, second: ConstraintState) -> bool:
+        if self._form is not None:
+            return self._seen_now(first).stays_regular(self._seen_now(second))
+        change = self._sizes.scaled(second.matrix - first.matrix)
+        return stays_regular(change, first.least + second.least) or (
+            first.least + second.least < first.margin + second.margin
+            and stays_regular(change, first.margin + second.margin)
+        )
+
+    def _seen_now(self, place: ConstraintState) -> LocalRows:
+        """The blocks of a place in the sizes that entries have by now."""
+        factors = self._sizes.factors()
+        if place.local is None or place.local.factors is not factors:
+            place = replace(place, local=self._form.local(self._sizes.scaled(place.matrix), factors))
+        return place.local
 
     def _keeps_on(self, place: ConstraintState) -> bool:
         """Return whether the dependent coordinates have come by their velocities to where they are.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from lmoc.structure.linear.generic import spread
@@ -129,8 +131,8 @@ def multipliers(
     return _solved(jacobian @ diags(weight) @ jacobian.T + damping * identity(shape[0]), right)
 
 
-def _solved(matrix, right: np.ndarray) -> np.ndarray:
-    """The solution with a sparse matrix; NaN where it is singular."""
+def _solved(matrix: Any, right: np.ndarray) -> np.ndarray:
+    """The solution with a sparse matrix of SciPy; NaN where it is singular."""
     from scipy.sparse.linalg import splu
 
     try:
