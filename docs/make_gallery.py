@@ -27,6 +27,8 @@ planar/scissor_lift planar/chain planar/wheel_with_pendulum planar/three_cranks 
 hard/h05_atwood hard/h08_turning_lever hard/h22_block_and_tackle hard/h23_planetary_gear
 laws/h06_bungee laws/h07_ball_on_string laws/h16_stick_slip laws/h17_backlash laws/h18_freewheel laws/h19_bouncing_ball
 laws/h34_slack_string laws/clutch_lock laws/elevator laws/wagons laws/gear_shift
+textbook/half_car textbook/hoist textbook/belt_drive textbook/valve_train textbook/engine textbook/gearbox
+textbook/winch textbook/building textbook/double_wishbone textbook/bicycle textbook/roller_coaster textbook/clutch_start
 """.split()
 KINDS = {  # what the names of the classes of parts say
     "in the plane": r"^Planar\.",

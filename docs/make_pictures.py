@@ -20,6 +20,7 @@ FOLDERS = {
     "notes": "The scenes of the lecture notes, with their equations in [notes.md](notes.md).",
     "laws": "Strings that go slack, stops, dry friction, clutches, freewheels: [laws.md](laws.md).",
     "planar": "Mechanisms of the plane, to scale, where they start: [mechanisms.md](mechanisms.md).",
+    "textbook": "Scenes of textbooks: cars, engines, gearboxes, hoists, each with its answer by hand in a test.",
     "hard": "Scenes that are difficult for one reason or another.",
 }
 BODIES = (

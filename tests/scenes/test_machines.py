@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy import cos, exp, pi, sqrt
+from scipy.integrate import solve_ivp
 
 import lmoc
 
@@ -255,3 +256,25 @@ def test_a_controller_holds_a_mass_at_its_reference_and_does_not_wind_up(sampled
     assert np.abs(r["pid.u"]).max() <= 5 + 1e-9
     assert r["m.q"][-1] == pytest.approx(1, abs=2e-3) and r["pid.u"][-1] == pytest.approx(2, abs=2e-2)
     assert r["m.q"].max() < 1.6  # the integral has not grown while the output was limited
+
+
+def test_a_controller_without_an_integral_or_without_a_differential_part():
+    def closed(gains: str) -> lmoc.Run:
+        return run(
+            f"Controller c({gains}, reference = 1, measured = m.q); Force push(f = c.u); Mass m(m = 2, {STILL});"
+            "Damper d(c = 4); Fixed wall;",
+            "connect(push.flange, m.flange); connect(wall.flange, d.a); connect(d.b, m.flange);",
+            stop=3,
+        )
+
+    p, pd = closed("kp = 10"), closed("kp = 10, kd = 2, Tf = 0.1")
+    # 2*q'' + 4*q' + 10*q = 10
+    assert p["m.q"] == pytest.approx(1 - exp(-p.time) * (cos(2 * p.time) + np.sin(2 * p.time) / 2), abs=1e-7)
+
+    def rate(t, z):
+        q, v, e = z
+        u = 10 * (1 - q) + 2 * (1 - q - e) / 0.1
+        return [v, (u - 4 * v) / 2, (1 - q - e) / 0.1]
+
+    exact = solve_ivp(rate, (0, 3), [0, 0, 0], "DOP853", pd.time, rtol=1e-11, atol=1e-12).y[0]
+    assert pd["m.q"] == pytest.approx(exact, abs=1e-7)

@@ -299,3 +299,10 @@ def test_roller_coaster():
     # it leaves the loop where its height above the centre is 2/3 of that of the start
     left = low["y"][np.searchsorted(low.time, off)]
     assert left - 10 == pytest.approx(2 / 3 * (22 - 10), rel=0.05)
+
+
+def test_equations_with_a_curve_through_many_points_are_refused_and_the_page_is_made():
+    r = run("valve_train", stop=0.01, balance=1e-5)
+    with pytest.raises(lmoc.ModelError, match=r"E0660.*'cam\.(lift|rise)' is a curve through many points"):
+        compiled("valve_train").equations()
+    assert "is a curve through many points" in r.view().html
