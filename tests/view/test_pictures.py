@@ -113,10 +113,13 @@ def test_no_line_passes_through_a_label(path):
     for item, shape, frame in p.placed():
         if isinstance(shape, Label) and shape.text:
             left, top, right, bottom = shape_corners(shape, frame)
+            # the leader of a number in a circle ends below the circle, which is filled
+            hidden = "joint" if item.symbol == "continuation" else None
             inside = [
                 other.part or other.symbol
                 for (x, y), other in points
-                if left + 2 < x < right - 2 and top + 3 < y < bottom - 3 and other is not item
+                if left + 2 < x < right - 2 and top + 3 < y < bottom - 3
+                if other is not item and other.symbol != hidden
             ]
             assert (plain(shape.text), inside) == (plain(shape.text), [])
 
