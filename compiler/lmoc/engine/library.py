@@ -39,6 +39,10 @@ _FUNCTIONS = {
     "lmoc_lanes_walk": (None, [_POINTER, _COUNT, _POINTER]),
     "lmoc_lanes_differences": (None, [_POINTER, _COUNT, *[_POINTER] * 3]),
     "lmoc_taylor_values": (None, [_COUNT, _COUNT, _COUNT, *[_POINTER] * 3]),
+    "lmoc_complementarity": (_INT, [_COUNT, *[_POINTER] * 8]),
+    "lmoc_with_cones": (_INT, [_COUNT, *[_POINTER] * 8]),
+    "lmoc_collide": (_INT, [_COUNT, *[_POINTER] * 10]),
+    "lmoc_depends_on_order": (_INT, [_COUNT, *[_POINTER] * 4]),
 }
 
 
@@ -49,12 +53,16 @@ def library() -> ctypes.CDLL:
     Raises
     ------
     ImportError
-        The package has not been installed, so that its engine has not been built.
+        The package has not been installed, so that its engine has not been built, or only with other sources.
     """
     built = import_module("lmoc.engine._engine")
     loaded = ctypes.CDLL(built.__file__)
     for name, (result, arguments) in _FUNCTIONS.items():
-        function = getattr(loaded, name)
+        try:
+            function = getattr(loaded, name)
+        except AttributeError:
+            text = f"lmoc's engine has no {name}: it was built from other sources, install lmoc again"
+            raise ImportError(text) from None
         function.restype, function.argtypes = result, arguments
     return loaded
 

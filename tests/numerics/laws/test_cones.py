@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lmoc.numerics.laws.complementarity import NoSolution
-from lmoc.numerics.laws.cones import Friction, lemke, solve_with_cones
+from lmoc.numerics.laws.cones import NO_FRICTION, Friction, solve_with_cones
 from lmoc.numerics.laws.impact import collide
 
 
@@ -51,4 +51,4 @@ def test_bounds_beside_cones():
 
 def test_what_has_no_solution_is_said_to_have_none():
     with pytest.raises(NoSolution):
-        lemke(np.array([[0.0]]), np.array([-1.0]))
+        solve_with_cones(np.zeros((1, 1)), np.array([-1.0]), np.zeros(1), np.full(1, np.inf), NO_FRICTION)

@@ -3,7 +3,9 @@
 
 #include "blocks.h"
 
-/* The same as below for two rows: the closure of a loop in the plane. */
+#include "dense.h"
+
+/* LU with row pivoting for two rows: the closure of a loop in the plane. */
 static inline int pair_factor(double *a, int32_t *pivots, double *determinant) {
   const int lower = fabs(a[2]) > fabs(a[0]);
   const double p = lower ? a[2] : a[0], q = lower ? a[3] : a[1], r = lower ? a[0] : a[2], s = lower ? a[1] : a[3];
@@ -23,67 +25,21 @@ static inline void pair_substitute(const double *a, const int32_t *pivots, doubl
   b[0] = (first - a[1]*b[1]) / a[0];
 }
 
-/* LU with row pivoting in place; 0 where a pivot is zero or no number. */
-static int dense_factor(int64_t size, double *a, int32_t *pivots, double *determinant) {
-  if (size == 2) return pair_factor(a, pivots, determinant);
-  double det = 1;
-  int good = 1;
-  for (int64_t k = 0; k < size; k++) {
-    int64_t pivot = k;
-    for (int64_t i = k + 1; i < size; i++)
-      if (fabs(a[i*size + k]) > fabs(a[pivot*size + k])) pivot = i;
-    pivots[k] = (int32_t)pivot;
-    if (pivot != k) {
-      det = -det;
-      for (int64_t j = 0; j < size; j++) {
-        const double t = a[k*size + j];
-        a[k*size + j] = a[pivot*size + j];
-        a[pivot*size + j] = t;
-      }
-    }
-    const double own = a[k*size + k];
-    det *= own;
-    good &= own != 0 && own * 0 == 0;
-    for (int64_t i = k + 1; i < size; i++) {
-      const double f = a[i*size + k] /= own;
-      for (int64_t j = k + 1; j < size; j++) a[i*size + j] -= f * a[k*size + j];
-    }
-  }
-  *determinant = det;
-  return good;
-}
-
-static void dense_substitute(int64_t size, const double *a, const int32_t *pivots, double *b) {
-  if (size == 2) {
-    pair_substitute(a, pivots, b);
-    return;
-  }
-  for (int64_t k = 0; k < size; k++) {
-    const double t = b[pivots[k]];
-    b[pivots[k]] = b[k];
-    b[k] = t;
-  }
-  for (int64_t k = 0; k < size; k++)
-    for (int64_t j = 0; j < k; j++) b[k] -= a[k*size + j] * b[j];
-  for (int64_t k = size - 1; k >= 0; k--) {
-    for (int64_t j = k + 1; j < size; j++) b[k] -= a[k*size + j] * b[j];
-    b[k] /= a[k*size + k];
-  }
-}
-
 void lmoc_block_fill(const lmoc_block *m, int64_t instance, const double *w, double *a) {
   const int32_t *from = m->fill + instance*m->each;
   for (int64_t k = 0; k < m->each; k++) a[k] = w[from[k]];
 }
 
 int lmoc_block_factor(lmoc_block *m, double *a, int32_t *pivots, double *determinant) {
-  if (!m->start) return dense_factor(m->size, a, pivots, determinant);
+  if (!m->start && m->size == 2) return pair_factor(a, pivots, determinant);
+  if (!m->start) return lmoc_dense_factor(m->size, a, pivots, determinant);
   return lmoc_lu_factor(m->lu, a, determinant) == LMOC_LU_GOOD;
 }
 
 void lmoc_block_solve(const lmoc_block *m, const double *a, const int32_t *pivots, double *b) {
   if (m->start) lmoc_lu_solve(m->lu, b);
-  else dense_substitute(m->size, a, pivots, b);
+  else if (m->size == 2) pair_substitute(a, pivots, b);
+  else lmoc_dense_substitute(m->size, a, pivots, 1, b);
 }
 
 /* Unknowns from their residuals at zero; no numbers where the matrix is singular. */

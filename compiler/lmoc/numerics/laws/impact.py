@@ -1,42 +1,18 @@
-"""Impacts: the impulses with which closed and closing laws stop each other, all at the same instant.
-
-The rates r of the laws change by the impulses Λ through the Delassus matrix W of the whole constrained system,
-r⁺ = r⁻ + W·Λ. Newton's law with restitution asks of every law that touches
-
-    0 ≤ Λ ⟂ r⁺ + e·min(r⁻, 0) ≥ 0,
-
-for all laws simultaneously (F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts, 1996, chapter
-8). With different e, or through friction, that can create energy (T. R. Kane, Stanford Mechanics Alumni Club
-Newsletter, 1984; C. Glocker, Multibody System Dynamics 29, 2013) or, for laws that depend on each other, contradict
-itself. Poisson's law then decides: a plastic impact compresses, and at least e times its impulses is given back.
-
-Friction of a contact takes part with |Λt| ≤ μ·Λn: it stops the sliding if that is enough, and else gives all it can
-against it (Coulomb's law on impulses, J. J. Moreau, Unilateral contact and dry friction in finite freedom dynamics,
-1988). Its limits follow from the other impulses.
-"""
+"""Impacts: the impulses with which closed and closing laws stop each other (``engine/c/impact.c``)."""
 
 from __future__ import annotations
+
+import ctypes
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.numerics.laws.complementarity import (
-    FREE,
-    LOWER,
-    NEGLIGIBLE,
-    Array,
-    LCPSolution,
-    NoSolution,
-    Sides,
-    slack,
-    solve,
-)
-from lmoc.numerics.laws.cones import NO_FRICTION, Friction, solve_with_cones
+from lmoc.engine.library import library
+from lmoc.numerics.laws.complementarity import Array, Sides, checked, numbers
+from lmoc.numerics.laws.cones import NO_FRICTION, Friction
 from lmoc.support.records import dataclass
 
 NEWTON, POISSON = "Newton", "Poisson"
-MOST_LIMITS = 12  # limits of friction tried one after the other before `cones`
-CREATED = 1e-12  # energy gained beyond this share of the energy that the impact turns over counts as created
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,80 +52,25 @@ def collide(
     NoSolution
         A moving body is caught between fixed ones, or no impulses satisfy the laws of friction.
     """
-    try:
-        newton = _newton(delassus, rate, restitution, friction, side)
-    except NoSolution:
-        return _poisson(delassus, rate, restitution, friction)
-    turned = float(np.abs(newton.impulse) @ (np.abs(rate) + np.abs(newton.rate)))
-    return newton if -newton.lost.sum() <= CREATED * turned else _poisson(delassus, rate, restitution, friction)
+    n, own, law = len(rate), friction.in_c(), ctypes.c_int()
+    given = [numbers(v) for v in (delassus, rate, restitution)]
+    guess = None if side is None else np.array(side, np.int64)
+    impulse, after, lost, unique = np.empty(n), np.empty(n), np.empty(n), np.empty(n, bool)
+    status = library().lmoc_collide(
+        n, *(v.ctypes.data for v in given), ctypes.addressof(own), None if guess is None else guess.ctypes.data,
+        *(v.ctypes.data for v in (impulse, after, lost, unique)), ctypes.addressof(law),
+    )  # fmt: skip
+    checked(status, impulse)
+    return Impact(impulse, after, lost, (NEWTON, POISSON)[law.value], unique)
 
 
-def _newton(delassus: Array, rate: Array, restitution: Array, friction: Friction, side: Sides | None) -> Impact:
-    wanted = restitution * np.minimum(rate, 0.0)
-    wanted[friction.rows] = 0.0
-    found = _solved(delassus, rate + wanted, np.zeros(len(rate)), friction, side)
-    return _impact(rate, found.x, found.w - wanted, NEWTON, found.unique)
+def depends_on_order(delassus: Array, rate: Array, restitution: Array, after: Array) -> bool:
+    """Return whether some laws would be left with other rates if they were hit one after the other.
 
-
-def _poisson(delassus: Array, rate: Array, restitution: Array, friction: Friction) -> Impact:
-    compression = _solved(delassus, rate, np.zeros(len(rate)), friction)
-    rest = np.abs(compression.w) <= slack(delassus, rate, compression.x)
-    left = np.where(rest, 0.0, compression.w)  # laws that depend on each other would contradict each other by rounding
-    expansion = _solved(delassus, left, restitution * compression.x, friction)
-    impulse = compression.x + expansion.x
-    return _impact(rate, impulse, expansion.w, POISSON, compression.unique & expansion.unique)
-
-
-def _solved(delassus: Array, q: Array, least: Array, friction: Friction, side: Sides | None = None) -> LCPSolution:
-    """Solve for impulses, at least some of the laws without friction; the limits of friction follow from the answer.
-
-    Where sides repeat, so that each friction either sticks or gives its share of its normal impulse, the impulses
-    follow at once. Where none repeat, Lemke's algorithm decides.
+    Parameters
+    ----------
+    delassus, rate, restitution : as of `collide`, of laws without friction
+    after : (n,) the rates after the impact of all at once
     """
-    upper = np.full(len(q), np.inf)
-    if not len(friction.rows):
-        return solve(delassus, q, least, upper, side)
-    lower, side = least.copy(), None
-    lower[friction.rows] = upper[friction.rows] = 0.0
-    found = solve(delassus, q, lower, upper)
-    for _ in range(MOST_LIMITS):
-        upper[friction.rows] = friction.share * found.x[friction.normal]
-        lower[friction.rows] = -upper[friction.rows]
-        found = solve(delassus, q, lower, upper, side)
-        if side is not None and (found.side == side).all():
-            exact = _with_sides(delassus, q, least, friction, found)
-            if exact is not None:
-                return exact
-        side = found.side
-    found = solve_with_cones(delassus, q, least, np.full(len(q), np.inf), friction)
-    exact = _with_sides(delassus, q, least, friction, found)
-    return found if exact is None else exact
-
-
-def _with_sides(delassus: Array, q: Array, least: Array, friction: Friction, found: LCPSolution) -> LCPSolution | None:
-    """Return the solution in which everything is on the side found; None where that is none."""
-    n, side = len(q), found.side
-    matrix, right = np.eye(n), np.where(side == LOWER, least, 0.0)
-    free = side == FREE
-    matrix[free], right[free] = delassus[free], -q[free]
-    sliding = ~free[friction.rows]
-    rows, normal = friction.rows[sliding], friction.normal[sliding]
-    matrix[rows, normal] -= np.where(side[rows] == LOWER, -1.0, 1.0) * friction.share[sliding]
-    right[rows] = 0.0
-    x = np.linalg.lstsq(matrix, right, rcond=None)[0]
-    w = delassus @ x + q
-    limit = friction.share * x[friction.normal]
-    lower, upper = least.copy(), np.full(n, np.inf)
-    lower[friction.rows], upper[friction.rows] = -limit, limit
-    allowed = NEGLIGIBLE * (np.abs(delassus) @ np.abs(x) + np.abs(q))
-    size = NEGLIGIBLE * (np.abs(x).max() + np.abs(found.x).max())
-    good = np.abs(matrix @ x - right).max() <= max(size, allowed.max())
-    good &= bool((x >= lower - size).all() and (x <= upper + size).all())
-    good &= bool((w[side == LOWER] >= -allowed[side == LOWER]).all())
-    good &= bool((w[(side != LOWER) & ~free] <= allowed[(side != LOWER) & ~free]).all())
-    w[free] = 0.0
-    return LCPSolution(x, w, side, found.unique) if good else None
-
-
-def _impact(before: Array, impulse: Array, after: Array, law: str, unique: NDArray[np.bool_]) -> Impact:
-    return Impact(impulse, after, -0.5 * impulse * (before + after), law, unique)
+    given = [numbers(v) for v in (delassus, rate, restitution, after)]
+    return bool(library().lmoc_depends_on_order(len(rate), *(v.ctypes.data for v in given)))

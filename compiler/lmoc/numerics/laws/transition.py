@@ -16,12 +16,11 @@ from lmoc.ir.law import JENKINS
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array
 from lmoc.numerics.laws.cones import Friction
 from lmoc.numerics.laws.contradiction import Contradiction, solving
-from lmoc.numerics.laws.impact import Impact, collide
+from lmoc.numerics.laws.impact import Impact, collide, depends_on_order
 from lmoc.numerics.laws.instant import ContactKinematics, Instant, LawTable, Mask
 from lmoc.numerics.laws.jenkins import decide, relax
 from lmoc.numerics.laws.manifold import project
 from lmoc.numerics.laws.mode import STILL, Settled, settle
-from lmoc.numerics.laws.order import depends_on_order
 from lmoc.numerics.limits import LOCATED
 from lmoc.numerics.problem.mode import Mode
 from lmoc.support.records import dataclass
