@@ -42,6 +42,7 @@ _FUNCTIONS = {
     "lmoc_complementarity": (_INT, [_COUNT, *[_POINTER] * 8]),
     "lmoc_with_cones": (_INT, [_COUNT, *[_POINTER] * 8]),
     "lmoc_collide": (_INT, [_COUNT, *[_POINTER] * 10]),
+    "lmoc_settle": (_INT, [_POINTER] * 8),
     "lmoc_depends_on_order": (_INT, [_COUNT, *[_POINTER] * 4]),
 }
 

@@ -10,7 +10,6 @@ HALF_ULP = 2.0**-53  # relative rounding of one operation
 LOCATED = 1e-14  # s, or this share of the time: so exactly are instants located (`tests/numerics/test_limits.py`)
 NO_ENTRY = 1e-12  # entries below this share of the others in their row are what rounding has left of zeros
 AGREE = 1e-11  # relative difference of two ways of a Runge–Kutta method, of which the second has twice as many steps
-AT_LIMIT = 1e-9  # share of its limit beyond which a friction slides, and within which several give way together
 
 # ------------------------------------------------------------------ tolerances and steps
 FINEST = 1e-14  # relative tolerance of a run; beyond, every step meets rounding

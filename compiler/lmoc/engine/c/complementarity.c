@@ -150,10 +150,15 @@ static int pivot(const problem *p, const scratch *s) {
 
 /* ------------------------------------------------------------------ semidefinite ones */
 
-/* The part of the free components, with a diagonal of 1. */
+/* The part of the free components, with a diagonal of 1 where it is positive, as friction that slides need not leave
+   it. */
 static void take_scaled(const problem *p, const scratch *s, int64_t count) {
   take_part(p->n, p->matrix, count, s->free, s->scaled);
-  for (int64_t i = 0; i < count; i++) s->scale[i] = 1 / sqrt(fmax(s->scaled[i*count + i], DBL_MIN));
+  for (int64_t i = 0; i < count; i++) {
+    double size = s->scaled[i*count + i];
+    for (int64_t j = 0; j < count && !(s->scaled[i*count + i] > 0); j++) size = fmax(size, fabs(s->scaled[i*count + j]));
+    s->scale[i] = size > 0 ? 1 / sqrt(size) : 1;
+  }
   for (int64_t i = 0; i < count; i++)
     for (int64_t j = 0; j < count; j++) s->scaled[i*count + j] *= s->scale[i] * s->scale[j];
 }

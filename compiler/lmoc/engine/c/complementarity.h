@@ -14,6 +14,7 @@ enum { LMOC_SOLVED = 0, LMOC_NO_SOLUTION = 1, LMOC_NO_MEMORY = -1 };
 typedef uint8_t lmoc_flag;
 
 #define LMOC_NEGLIGIBLE 1e-11  /* violations below this share of the terms they are the sum of count as none ... */
+#define LMOC_AT_LIMIT 1e-9     /* share of its limit beyond which a friction slides, and within which several give way */
 
 /* Find x and w = M x + q with x = lower and w >= 0, or lower < x < upper and w = 0, or x = upper and w <= 0.
    `side` says where to begin and where each component is in the end; `unique` whether x is determined there. Without a

@@ -19,7 +19,6 @@
 #include "complementarity.h"
 
 static const double NO_ENTRY = 1e-12;  /* `numerics/limits.py` */
-static const double AT_LIMIT = 1e-9;   /* the same */
 enum { MOST_PIVOTS = 50 };             /* a row of the table */
 
 /* The row that leaves first; the artificial one where it can, and ties by the inverse of the basis. */
@@ -166,7 +165,7 @@ static void read(const lemke_form *f, const double *matrix, const double *q, con
     if (z[n + 2*k + b] > 0) side[f->boxed[b]] = LMOC_UPPER;
   for (int64_t a = 0; a < k; a++) {
     const double own = x[friction->rows[a]], limit = friction->share[a] * x[friction->normal[a]];
-    const int sliding = fabs(own) >= limit * (1 - AT_LIMIT);
+    const int sliding = fabs(own) >= limit * (1 - LMOC_AT_LIMIT);
     side[friction->rows[a]] = !sliding ? LMOC_FREE : own < 0 ? LMOC_LOWER : LMOC_UPPER;
   }
   lmoc_affine(n, matrix, x, q, w);

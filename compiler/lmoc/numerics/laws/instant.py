@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
@@ -22,6 +23,15 @@ _NOISES = 4.0  # times the bound for its rounding, within which a level is zero
 _LOSSLESS = 1e-6  # of a rate, in a bounce
 _SMALL = 1e-12  # of its terms: levels that may be rounding alone
 KINDS = tuple(LawKind)
+
+
+class _Laws(ctypes.Structure):
+    """``lmoc_laws`` in ``engine/c/laws.h``."""
+
+    _fields_ = [
+        ("count", ctypes.c_int64),
+        *[(name, ctypes.c_void_p) for name in ("degree", "normal", "complementary", "dry", "contact")],
+    ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +74,14 @@ class LawTable:
     def lossless(self) -> Mask:
         """Restitution of 1, or so near to it that the bounces left after any other one are no series that ends."""
         return self.restitution > 1.0 - _LOSSLESS
+
+    @cached_property
+    def in_c(self) -> _Laws:
+        """The structure that the engine reads; valid as long as the table lives."""
+        numbers = [np.ascontiguousarray(v, np.int64) for v in (self.degree, self.normal)]
+        made = _Laws(len(self.kind), *(v.ctypes.data for v in (*numbers, self.complementary, self.dry, self.contact)))
+        made.kept = numbers
+        return made
 
     @cached_property
     def impulsive(self) -> Mask:

@@ -1,4 +1,4 @@
-// Linear complementarity problems with bounds, by block principal pivoting, as `numerics/laws/complementarity.py`, which
+// Linear complementarity problems with bounds, by block principal pivoting, as `engine/c/complementarity.c`, which
 // cites the papers: x = lower and w ≥ 0, or lower < x < upper and w = 0, or x = upper and w ≤ 0, with w = M·x + q.
 
 import { filled, indices, inverse, leastSquares, part, product, singular, solved, termsOf } from "./matrix.js";

@@ -1,4 +1,4 @@
-// Impacts: the impulses with which closed and closing laws stop each other at the same instant, as `numerics/laws/impact.py`.
+// Impacts: the impulses with which closed and closing laws stop each other at the same instant, as `engine/c/impact.c`.
 // Newton's law with restitution for all laws simultaneously; where it creates energy or contradicts itself, Poisson's.
 
 import { FREE, LOWER, NEGLIGIBLE, NoSolution, solveComplementarity } from "./complementarity.js";

@@ -1,4 +1,4 @@
-// The next mode: which laws hold once everything at an instant is taken together, as `numerics/laws/mode.py`.
+// The next mode: which laws hold once everything at an instant is taken together, as `engine/c/mode.c`.
 //
 // A mode is {closed, direction, implied, push}, an entry for each law: whether it is closed, the sign of the sliding
 // velocity of open friction, whether others hold its motion already, and then its constant force.
