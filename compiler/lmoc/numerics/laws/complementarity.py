@@ -18,7 +18,6 @@ Sides = NDArray[np.int64]
 
 LOWER, FREE, UPPER = -1, 0, 1
 SOLVED, NO_SOLUTION = 0, 1
-APART_FROM = 12  # components from which on it is looked whether a problem falls into several
 
 
 @dataclass(frozen=True, eq=False)
