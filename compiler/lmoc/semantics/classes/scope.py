@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from lmoc.messages.diagnostics import Diagnostic, Label, Report, nearest
 from lmoc.messages.source import Span
@@ -64,6 +65,8 @@ class Scope:
         self._specialized: dict[tuple, Scope] = {}
         self._table: dict[str, Member | Scope] | None = None
         self._bases: list[tuple[tree.Extends, Resolved]] | None = None
+        self._lineage: tuple[Scope, ...] | None = None
+        self.made: dict[str, Any] = {}  # what has been made of it once, for every use of it
         self._open = False  # its table is being made
         self._searching = False  # its bases are being looked for
         self._types: dict[int, Resolved] = {}
@@ -246,8 +249,10 @@ class Scope:
                 self._open = False
         return self._table
 
-    def lineage(self) -> Iterator[Scope]:
+    def lineage(self) -> tuple[Scope, ...]:
         """This class and those it extends, bases first, each once."""
+        if self._lineage is not None:
+            return self._lineage
         seen: set[int] = set()
 
         def visit(scope: Scope) -> Iterator[Scope]:
@@ -259,7 +264,10 @@ class Scope:
                     yield from visit(resolved.base)
             yield scope
 
-        return visit(self)
+        found = tuple(visit(self))
+        if not any(scope._searching for scope in found):
+            self._lineage = found
+        return found
 
     def is_made_of(self, scope: Scope) -> bool:
         """Return whether a class is this one or one that it extends."""

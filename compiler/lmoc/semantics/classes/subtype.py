@@ -60,7 +60,7 @@ def _difference(new: Resolved, old: Resolved, compared: set[tuple[int, int]]) ->
             continue
         if reason is not None:
             return reason
-    return _arguments(a, b) if b.kind == "function" else None
+    return _arguments(a, b, _given(new)) if b.kind == "function" else None
 
 
 def _called(resolved: Resolved) -> str:
@@ -91,15 +91,28 @@ def _rank(component: tree.Component, resolved: Resolved) -> int:
     return len(component.dimensions) + sum(len(short.dimensions) for short, _ in resolved.steps)
 
 
-def _arguments(new: Scope, old: Scope) -> tuple[str, Span | None] | None:
-    """Arguments are given by place: the inputs come in the same order, further ones have a value (12.3)."""
+def _given(function: Resolved) -> set[str]:
+    """Return the inputs to which short definitions give a value, as in ``function f = g(p = 3)``."""
+    arguments = [a for short, _ in function.steps if short.modification for a in short.modification.arguments]
+    values = [a for a in arguments if isinstance(a, tree.ElementModification) and a.modification is not None]
+    return {a.name[0] for a in values if len(a.name) == 1 and a.modification.value is not None}
+
+
+def _arguments(new: Scope, old: Scope, given: set[str]) -> tuple[str, Span | None] | None:
+    """Arguments are given by place: the inputs come in the same order, further ones have a value (12.3).
+
+    Parameters
+    ----------
+    given : inputs of the new one that have a value besides those which its declaration gives
+    """
     for role in ("input", "output"):
         own, needed = (_with(scope, role) for scope in (new, old))
         if list(own)[: len(needed)] != list(needed):
             return f"its {role}s do not begin with {', '.join(needed)}", old.definition.name_span
         for name in list(own)[len(needed) :]:
             modification = own[name].modification
-            if role == "input" and (modification is None or modification.value is None):
+            valued = name in given or (modification is not None and modification.value is not None)
+            if role == "input" and not valued:
                 return f"its further input '{name}' has no value", own[name].name_span
     return None
 

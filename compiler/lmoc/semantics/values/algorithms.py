@@ -72,7 +72,7 @@ class Algorithm:
 
     def run(self) -> None:
         """Carry it out, on `values`."""
-        for name in in_order_of_use(self.function, self.declared):
+        for name in in_order_of_use(self.function):
             if self.declared[name].role != "input":
                 self._initialize(name, self.declared[name])
         try:

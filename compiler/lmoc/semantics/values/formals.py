@@ -45,6 +45,13 @@ class LocalVariable:
 
 def declared_in(function: Scope) -> dict[str, LocalVariable]:
     """Return the variables of a function; those of a record are inputs of its constructor as far as they are given."""
+    found = function.made.get("declared")
+    if found is None:
+        found = function.made["declared"] = _declared_in(function)
+    return found
+
+
+def _declared_in(function: Scope) -> dict[str, LocalVariable]:
     given = given_fields(function) if resolve(function).base.kind == "record" else None
     found = {}
     for name, member in function.table.items():
@@ -113,7 +120,7 @@ def fields_as_declared(
         for a in (modification.arguments if modification else ())
         if isinstance(a, tree.ElementModification) and a.modification and len(a.name) == 1
     }
-    for name in in_order_of_use(cls, declared):
+    for name in in_order_of_use(cls):
         if given.get(name) is not None:
             values[name] = context.inside_function(where, {}).value(given[name])
             continue
@@ -161,7 +168,7 @@ def widened(variable: LocalVariable, value: Value) -> Value:
     return record(own, value.dims, value.type)
 
 
-def in_order_of_use(function: Scope, declared: dict[str, LocalVariable]) -> list[str]:
+def in_order_of_use(function: Scope) -> list[str]:
     """Return the variables of a function so that each comes after those that its declaration uses (12.4.4).
 
     Raises
@@ -169,6 +176,13 @@ def in_order_of_use(function: Scope, declared: dict[str, LocalVariable]) -> list
     Wrong
         E0207 where the declarations use each other in a circle.
     """
+    order = function.made.get("order")
+    if order is None:
+        order = function.made["order"] = _in_order_of_use(function, declared_in(function))
+    return order
+
+
+def _in_order_of_use(function: Scope, declared: dict[str, LocalVariable]) -> list[str]:
     order: list[str] = []
     path: list[str] = []
 

@@ -207,7 +207,7 @@ class _Body:
             value = widened(self.declared[name], value)
             given[name] = value if self._has_unit(name) else self._of_any_unit(value)
         self.values.update(given)
-        for name in in_order_of_use(self.function, self.declared):
+        for name in in_order_of_use(self.function):
             variable = self.declared[name]
             if variable.role == "input" and name not in given:
                 value = self._default(variable.member)
