@@ -8,6 +8,7 @@ from math import prod
 
 import numpy as np
 
+from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import nearest
 from lmoc.semantics.assembly.laws import add_law, law_function, misplaced
 from lmoc.semantics.classes.scope import Scope
@@ -97,6 +98,11 @@ class EquationSection:
                     inner.choices = {**outer.choices, id(differ.expression): k}
                     self.equality(inner, e)
             return
+        for one, value, sides in ((left, right, e), (right, left, replace(e, left=e.right, right=e.left))):
+            if self.initial and _is_switch(context, one) and changes(context, value):
+                at_start = tree.When(((sides.right, (sides,)),), e.span)
+                WhenEquation(self.drafts, self.node, self._fresh(outer), at_start).at_start()
+                return
         self._equate(context, left, right, e)
 
     def _refuse_connectors(self, context: Context, e: tree.Equality) -> None:
@@ -374,6 +380,14 @@ class EquationSection:
         if self.initial:
             raise Wrong("E0252", "'when' is not allowed in an initial equation: it acts after the start", e.span)
         WhenEquation(self.drafts, self.node, self._fresh(outer), e).add()
+
+
+def _is_switch(context: Context, value: Value) -> bool:
+    """Return whether a value is a parameter that is no real number and gets its value from the start."""
+    if value.expr is None or value.expr.op != "slot" or value.expr.value[1]:
+        return False
+    variable = context.leaves[value.expr.value[0]].variable
+    return variable is not None and variable.from_start and variable.kind == Kind.DISCRETE
 
 
 def _says_topology(equation: tree.Equation) -> bool:

@@ -72,6 +72,14 @@ class WhenEquation:
         for target in self.targets.values():
             self._draft(target)
 
+    def at_start(self) -> None:
+        """Draft only what it assigns at the start, which nothing changes any more: parameters."""
+        inner = self.context.within(self.context.space, {})
+        inner.quiet, inner.in_when = 1, True
+        self._body(inner, self.e.branches[0][1], phase(self.context, "initial()").expr)
+        for target in self.targets.values():
+            self._draft(target)
+
     # --------------------------------------------------------------------- conditions
 
     def active(self, condition: tree.Expression, earlier: list[Expr], has_body: bool) -> Expr:

@@ -31,7 +31,7 @@ def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
             model.known.undetermined.add(variable)
     elif variable.kind == Kind.CONSTANT:
         model.report.error("E0212", f"the constant '{variable.label}' has no value", variable.name_span)
-    if variable.from_start and variable.value is None:
+    if variable.from_start and variable.value is None and variable.kind == Kind.UNKNOWN:
         drafts.groups.append(_constant(variable))
     for name, binding in variable.attributes.items():
         _guarded(model, lambda name=name, binding=binding: _attribute(model, drafts, variable, name, binding))

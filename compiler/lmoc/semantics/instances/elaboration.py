@@ -335,7 +335,8 @@ class Elaboration:
         elif variability == "parameter":
             made.kind = Kind.PARAMETER
             if self._is_found_at_start(made):
-                made.kind, made.from_start = Kind.UNKNOWN, True
+                made.kind = Kind.UNKNOWN if resolved.base.name == "Real" else Kind.DISCRETE
+                made.from_start = True
         elif causality == "input" and instance.parent is None:
             made.kind = Kind.INPUT
         elif variability == "discrete" or causality or modifier.value is None:
@@ -356,7 +357,7 @@ class Elaboration:
         if fixed.all():
             return False
         what = "" if not fixed.any() else "in some elements of an array"
-        what = what or ("other than Real" if variable.type.name != "Real" else "")
+        what = what or ("that is a text" if variable.type.name == "String" else "")
         what = what or ("with a value of its own" if variable.value is not None else "")
         if what:
             raise Wrong("E0230", f"'{variable.label}': a parameter {what} is not found at the start yet", binding.span)
