@@ -38,18 +38,36 @@ def evaluate_quietly(root: Expr, column: Callable[[int, int], Any], time: Any = 
     """`evaluate` where numpy has been told already to keep its warnings to itself."""
     if not root.args:
         return _leaf(root, column, time)
+    return _values((root,), column, time)[0]
+
+
+def evaluate_together(roots: tuple[Expr, ...], column: Callable[[int, int], Any], time: Any = np.nan) -> list[Any]:
+    """Return the values of several shapes of the same rows; what they share is evaluated once."""
+    with np.errstate(all="ignore"):
+        return _values(roots, column, time)
+
+
+def _values(roots: tuple[Expr, ...], column: Callable[[int, int], Any], time: Any) -> list[Any]:
     values: list[Any] = []
-    for node, operation, places in _steps(root):
+    steps, ends = _steps(roots)
+    for node, operation, places in steps:
         values.append(_leaf(node, column, time) if operation is None else operation(*[values[k] for k in places]))
-    return values[-1]
+    return [values[k] for k in ends]
+
+
+_Step = tuple[Expr, Callable[..., Any] | None, tuple[int, ...]]
 
 
 @cache
-def _steps(root: Expr) -> tuple[tuple[Expr, Callable[..., Any] | None, tuple[int, ...]], ...]:
-    """Return each node with its operation and the places of its arguments; leaves have none. Kept with the node."""
-    nodes = postorder(root)
+def _steps(roots: tuple[Expr, ...]) -> tuple[tuple[_Step, ...], tuple[int, ...]]:
+    """Return each node with its operation and the places of its arguments, and the places of the roots.
+
+    Leaves have no operation. Kept with the nodes.
+    """
+    nodes = list({id(node): node for root in roots for node in postorder(root)}.values())
     place = {id(node): k for k, node in enumerate(nodes)}
-    return tuple((n, OPERATIONS[n.op] if n.args else None, tuple(place[id(a)] for a in n.args)) for n in nodes)
+    steps = tuple((n, OPERATIONS[n.op] if n.args else None, tuple(place[id(a)] for a in n.args)) for n in nodes)
+    return steps, tuple(place[id(root)] for root in roots)
 
 
 def _leaf(node: Expr, column: Callable[[int, int], Any], time: Any) -> Any:

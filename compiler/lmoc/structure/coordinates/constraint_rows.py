@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from lmoc.expression.calculus import differentiate
-from lmoc.expression.evaluate import evaluate
+from lmoc.expression.evaluate import evaluate_together
 from lmoc.structure.coordinates.initial_rows import InitialRows
 from lmoc.structure.index.dulmage_mendelsohn import components
 from lmoc.structure.index.incidence import Incidence, ranges
@@ -170,10 +170,9 @@ class ConstraintRows:
                 found: np.ndarray = at[order, part.slots[:, k]] if place is None else values[..., place]
                 return found
 
-            residual[..., first : first + n] = evaluate(part.shape, column, time)
-            if entries:
-                for p in partials:
-                    found.append(np.broadcast_to(np.asarray(evaluate(p, column, time), float), (*shape, n)))
+            value, *slopes = evaluate_together((part.shape, *(partials if entries else ())), column, time)
+            residual[..., first : first + n] = value
+            found += [np.broadcast_to(np.asarray(slope, float), (*shape, n)) for slope in slopes]
             first += n
         for own in self.initial:
             residual[..., first : first + own.rows], entry = own.linearized(self._value_of(values), time)

@@ -8,7 +8,7 @@ import numpy as np
 
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr, slots
-from lmoc.expression.evaluate import evaluate
+from lmoc.expression.evaluate import evaluate_together
 from lmoc.ir.flat import Group
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.coefficients import UNKNOWN
@@ -76,11 +76,11 @@ class InitialRows:
             result: np.ndarray = leaf.factor * value_of(leaf.jet) + leaf.offset
             return result
 
-        def of(expression: Expr) -> np.ndarray:
-            return np.broadcast_to(np.asarray(evaluate(expression, column, time), float), shape)
-
-        parts = [(of(leaf.partial) * leaf.factor)[..., leaf.unknown] for leaf in self.leaves.values()]
-        return of(self.shape), np.concatenate(parts, axis=-1)
+        roots = (self.shape, *(leaf.partial for leaf in self.leaves.values()))
+        found = evaluate_together(roots, column, time)
+        residual, *slopes = (np.broadcast_to(np.asarray(value, float), shape) for value in found)
+        parts = [(s * f.factor)[..., f.unknown] for s, f in zip(slopes, self.leaves.values(), strict=True)]
+        return residual, np.concatenate(parts, axis=-1)
 
 
 def initial_rows(system: EquationSystem, highest: int) -> list[InitialRows]:
