@@ -11,7 +11,7 @@ import sympy
 from lmoc.expression import to_sympy
 from lmoc.expression.calculus import differentiate, linear_parts, total_derivative
 from lmoc.expression.dag import ONE, TIME, ZERO, const, function, if_, neg, rebuild, slot, slots
-from lmoc.expression.evaluate import evaluate
+from lmoc.expression.evaluate import evaluate, evaluate_together
 from lmoc.expression.functions import BINARY, LOGICAL, UNARY
 from lmoc.expression.text import number_text, to_text
 
@@ -135,3 +135,19 @@ def test_depth_is_no_limit(depth):
         expr = function("sin", expr)
     assert value(differentiate(expr, X), 0.0) == 1.0
     assert len(to_text(expr, lambda k, order: "x")) == 5 * depth + 1
+
+
+def test_shapes_evaluated_together_share_what_they_have_in_common():
+    """Each has the value that it has alone, to the last bit; a leaf of several is asked for once."""
+    shared = function("sin", X * Y) + TIME
+    roots = (shared, shared * shared, differentiate(shared * shared, X), X, const(2.0), differentiate(shared, Y))
+    asked = []
+
+    def column(k: int, order: int) -> np.ndarray:
+        asked.append(k)
+        return np.array([0.3, -1.2, 0.0]) + k
+
+    found = evaluate_together(roots, column, 0.7)
+    assert sorted(asked) == [0, 1]
+    for root, got in zip(roots, found, strict=True):
+        assert np.array_equal(got, evaluate(root, column, 0.7))
