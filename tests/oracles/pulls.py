@@ -74,5 +74,6 @@ def _pulled(run, hands, name, signals, reason, columns):
         missed = max(missed, np.abs(values[:count] - truth[state][:count]).max() / size)
         moved = max(moved, np.abs(run[state][:count] - truth[state][:count]).max() / size)
     error = (work - work[0]) - (heat - heat[0]) - (stored - stored[0])
-    balance = np.abs(error).max() / max(1e-6, np.abs(stored).max(), np.abs(work - work[0]).max())
+    energies = [np.abs(truth[name]).max() for name in truth if name.endswith(".energy")]
+    balance = np.abs(error).max() / max(1e-6, *energies, np.abs(work - work[0]).max())
     return Pulled(name, hand.kind, signals[0], reason, float(missed), float(moved), float(balance))
