@@ -192,6 +192,7 @@ CASADI = {
     "lmoc.numerics.laws.delassus_update",
 }
 KERNELS = {  # who makes kernels of tapes; everybody else asks these
+    "lmoc.engine.instant",
     "lmoc.engine.kernel",
     "lmoc.numerics.coordinates.bounds_kernel",
     "lmoc.numerics.coordinates.entries",

@@ -75,6 +75,7 @@ class Kernel:
     nonlinear : list of Block
         What Newton's method solves.
     unknowns : (k,) registers of their unknowns
+    blocks : of the tape, as C knows them
     addresses : of `w` and of the ``lmoc_tape``
     """
 
@@ -91,9 +92,9 @@ class Kernel:
         self.w[tape.constants[0]] = tape.constants[1]
         self._library = library()
         self._kept: list[object] = []  # what C points to
-        self._blocks = (_Block * max(1, len(tape.blocks)))(*map(self._block, tape.blocks))
+        self.blocks = (_Block * max(1, len(tape.blocks)))(*map(self._block, tape.blocks))
         self._tape = _Tape(
-            address("lmoc_tape_run"), tape.code.ctypes.data, tape.index.ctypes.data, ctypes.addressof(self._blocks),
+            address("lmoc_tape_run"), tape.code.ctypes.data, tape.index.ctypes.data, ctypes.addressof(self.blocks),
             address("lmoc_block_functions"), tape.time,
         )  # fmt: skip
         self.nonlinear = [b for b in tape.blocks if b.work]
@@ -130,7 +131,7 @@ class Kernel:
 
         Where the register of an unknown holds no value, Newton's method starts from the guess in the model.
         """
-        for block in self._blocks[: len(self.tape.blocks)]:
+        for block in self.blocks[: len(self.tape.blocks)]:
             block.ready = 0
             if block.lu:
                 self._library.lmoc_lu_forget(block.lu)

@@ -38,6 +38,23 @@ _FUNCTIONS = {
     "lmoc_first_step": (_REAL, [_COUNT, *[_REAL] * 3, *[_POINTER] * 4]),
     "lmoc_lanes_walk": (None, [_POINTER, _COUNT, _POINTER]),
     "lmoc_lanes_differences": (None, [_POINTER, _COUNT, *[_POINTER] * 3]),
+    "lmoc_roots": (_COUNT, [_POINTER]),
+    "lmoc_relations": (None, [_POINTER]),
+    "lmoc_root_sides": (None, [_POINTER, _POINTER]),
+    "lmoc_follow": (None, [_POINTER, _COUNT, _POINTER, _POINTER]),
+    "lmoc_turn_early": (None, [_POINTER, _POINTER]),
+    "lmoc_leave_zero": (None, [_POINTER, _POINTER]),
+    "lmoc_rounding": (_INT, [_POINTER, _REAL, _POINTER]),
+    "lmoc_quiet": (_INT, [_POINTER, _REAL, *[_POINTER] * 3]),
+    "lmoc_take": (_INT, [_POINTER, _REAL, _POINTER]),
+    "lmoc_remember": (None, [_POINTER]),
+    "lmoc_assign": (None, [_POINTER]),
+    "lmoc_turn": (_COUNT, [_POINTER, _POINTER]),
+    "lmoc_solve_instant": (_INT, [_POINTER, _POINTER]),
+    "lmoc_reinit": (_INT, [_POINTER, _POINTER, _POINTER]),
+    "lmoc_event": (_INT, [_POINTER, _POINTER]),
+    "lmoc_next_time": (_REAL, [_POINTER, _REAL, _INT]),
+    "lmoc_ring": (None, [_POINTER, _REAL]),
     "lmoc_taylor_values": (None, [_COUNT, _COUNT, _COUNT, *[_POINTER] * 3]),
     "lmoc_complementarity": (_INT, [_COUNT, *[_POINTER] * 8]),
     "lmoc_with_cones": (_INT, [_COUNT, *[_POINTER] * 8]),
@@ -56,7 +73,7 @@ def library() -> ctypes.CDLL:
     Raises
     ------
     ImportError
-        The package has not been installed, so that its engine has not been built.
+        The package has not been installed, so that its engine has not been built, or not from these sources.
     """
     built = import_module("lmoc.engine._engine")
     loaded = ctypes.CDLL(built.__file__)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from lmoc.engine.instant import COUNTED, TABLES
 from lmoc.export.executable import Executable
 from lmoc.export.variables import Variable
 from lmoc.lower.tape import SolveBlock, Tape
@@ -82,20 +83,21 @@ def _text(value: str) -> str:
 def _events(w: _Writer, own: Executable) -> str:
     """Write the events of a scene; return the initializer of ``fmu_events``."""
     e = own.events
+    sizes = {name: len(e.columns[column]) for name, column in COUNTED.items()} | {"states": len(own.plan.states)}
+    instant = [f".{name} = {size}" for name, size in sizes.items()]
+    instant += [f".{name} = {w.ints(e.columns[name])}" for name in TABLES if name != "read"]
     counts = [
-        len(e.registers), len(e.zeros), len(e.op), len(e.slope), len(e.past), e.samples.shape[1], e.reinits.shape[1],
-        len(e.ends.places), len(e.checks.places), len(e.watched.places), len(e.branches), len(e.seen),
-        len(e.parameters), len(e.assigned), len(e.begun), len(e.kept), e.absent, e.initial, e.terminal,
+        e.size, e.checks, len(e.watched.places), len(e.branches), len(e.seen), len(e.parameters), len(e.assigned),
+        len(e.begun), len(e.kept), e.absent, e.initial, e.terminal,
     ]  # fmt: skip
     tapes = [w.tape(t, not own.branches) for t in (e.look, e.assign, e.lines, e.begin)]
     integers = (
-        e.registers, e.zeros, e.op, e.target, e.row, e.slope, e.offset, e.now, e.source, e.past,
-        np.flatnonzero(e.row >= 0), *e.samples,
-        *e.reinits, e.ends.places, e.checks.places, e.checks.errors, e.watched.places, e.watched.errors, e.first_known,
-        e.known, e.branches, e.seen, e.parameters, e.assigned, e.first_read, e.read, e.begun, e.kept,
+        e.registers, e.zeros, e.reinits, e.errors, e.watched.places, e.watched.errors, e.first_known, e.known,
+        e.branches, e.seen, e.parameters, e.assigned, e.first_read, e.read, e.begun, e.kept,
     )  # fmt: skip
-    texts = [w.texts(t) for t in (e.texts, e.ends.texts, e.checks.texts, e.watched.texts)]
-    parts = [*map(str, counts), *tapes, *(w.ints(t) for t in integers), w.reals(e.start), *texts, _real(e.longest)]
+    texts = [w.texts(t) for t in (e.texts, e.told_texts, e.watched.texts)]
+    tables = f"{{{', '.join(instant)}}}"
+    parts = [tables, *map(str, counts), *tapes, *map(w.ints, integers), w.reals(e.start), *texts, _real(e.longest)]
     return "{" + ", ".join(parts) + "}"
 
 

@@ -32,8 +32,8 @@ VERSIONS = (3, 2)
 # as the engine itself is built (`compiler/building/lmoc_build.py`): equal bits everywhere
 OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing", "-fvisibility=hidden")
 _TOLERANCE = 1e-6
-_ENGINE = ("tape", "blocks", "dense", "newton", "lu", "lu_order", "evaluate", "dop853", "walk")
-_HEADERS = ("tape", "lu", "dense", "blocks", "engine", "walk")
+_ENGINE = ("tape", "blocks", "dense", "newton", "lu", "lu_order", "evaluate", "dop853", "walk", "instant", "relations")
+_HEADERS = ("tape", "lu", "dense", "blocks", "engine", "walk", "instant")
 _DATA = "model.c"
 
 

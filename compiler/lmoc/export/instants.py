@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from lmoc.engine.instant import TABLES
 from lmoc.expression.dag import ONE, Expr, slot
 from lmoc.ir.events import Events
 from lmoc.ir.flat import Check, FlatDAE, Kind
@@ -18,13 +19,10 @@ from lmoc.lower.blocks import values_tape
 from lmoc.lower.tape import Tape
 from lmoc.numerics.events.discrete_state import initial_values
 from lmoc.numerics.events.layout import EventLayout
+from lmoc.numerics.events.tables import NONE, OPS, Condition, Memory, Tables, event_tables
 from lmoc.numerics.failures.assertions import relations_of
 from lmoc.numerics.plan.plan import Plan
 from lmoc.support.records import dataclass
-
-OPS = ("gt", "ge", "floor")
-NONE = np.zeros(0, int)
-Positions = Callable[[np.ndarray], np.ndarray]  # of variables, among the discrete ones; -1 of others
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,21 +55,19 @@ class Instants:
     parameters : registers of `size` that parameters have on them
     absent : register without a value
     seen : registers that `look` fills and `assign` reads
-    registers, start : (discrete,) registers and first values
-    assigned, begun : discrete variables that `assign` and `begin` fill
+    registers, start : (discrete,) registers of `look` and first values
+    assigned, begun : registers that `assign` and `begin` fill
     zeros : (zeros,) registers of `look`
-    op, target, row : (relations,) `OPS`, the discrete variable, the zero function; of a relation of time -1 - its line
+    columns : the tables of the engine, as of `events.tables`
     texts : (relations,) what they are in the model's text
-    slope, offset : (lines,)
-    now, source, past : (before,) a discrete variable, else -1 and a register; the discrete one that keeps its value
-    samples : (3, samples) discrete variable, registers of start and interval
-    reinits : (4, reinits) discrete guard, state or -1, register of the variable, register of its new value
-    ends, checks : conditions at events; registers of `assign`
+    reinits : registers of `look` that `reinit` sets
+    checks : how many of the conditions at events, the first ones, are assertions
+    errors, told_texts : of these assertions, whether they are errors; of all conditions
     watched : assertions about the motion; registers of `look`
     first_known, known : registers of `look` with which each of these can be judged, if they are finite
     branches : registers of `look` that are zero where one of these may change
-    first_read, read : which discrete variables the equation of each of `assigned` reads
-    initial, terminal : discrete variables, or -1
+    first_read, read : which discrete registers the equation of each of `assigned` reads
+    initial, terminal : registers, or -1
     longest : s, of a step
     """
 
@@ -89,19 +85,12 @@ class Instants:
     assigned: np.ndarray
     begun: np.ndarray
     zeros: np.ndarray
-    op: np.ndarray
-    target: np.ndarray
-    row: np.ndarray
+    columns: dict[str, np.ndarray]
     texts: tuple[str, ...]
-    slope: np.ndarray
-    offset: np.ndarray
-    now: np.ndarray
-    source: np.ndarray
-    past: np.ndarray
-    samples: np.ndarray
     reinits: np.ndarray
-    ends: Told
-    checks: Told
+    checks: int
+    errors: np.ndarray
+    told_texts: tuple[str, ...]
     watched: Told
     first_known: np.ndarray
     known: np.ndarray
@@ -112,27 +101,23 @@ class Instants:
     terminal: int
     longest: float
 
-
     @property
     def indicator_texts(self) -> tuple[str, ...]:
         """What each event indicator tells of: zero functions, the upper edges of those that are rounded, assertions."""
-        zeros = [text for text, row in zip(self.texts, self.row.tolist(), strict=True) if row >= 0]
-        rounded = [t for t, row, op in zip(self.texts, self.row, self.op, strict=True) if row >= 0 and op == 2]
+        rows, ops = self.columns["row"], self.columns["op"]
+        zeros = [text for text, row in zip(self.texts, rows.tolist(), strict=True) if row >= 0]
+        rounded = [t for t, row, op in zip(self.texts, rows, ops, strict=True) if row >= 0 and OPS[op] == "floor"]
         return (*zeros, *rounded, *["an assertion"] * len(self.branches))
 
 
-class _Layout:
-    """Gives out registers, and collects steps."""
+class _Layout(Memory):
+    """The memory of an FMU's tapes: the registers of the plan come first, and values of parameters behind them."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan, self.flat = plan, plan.reduced.flat
         self.absent = plan.count + self.flat.count
-        self.size = self.absent + 1
+        super().__init__(self.absent + 1)
         self.parameters: set[int] = set()
-
-    def new(self, count: int) -> np.ndarray:
-        self.size += count
-        return np.arange(self.size - count, self.size)
 
     def places(self, variables: np.ndarray) -> np.ndarray:
         """Return where variables of the flat model have their values."""
@@ -143,10 +128,10 @@ class _Layout:
         self.parameters.update(found[given].tolist())
         return found
 
-    def values(self, shape: Expr, variables: np.ndarray) -> tuple[Apply, np.ndarray]:
-        """Return the step that computes an expression for all rows of a table, and its registers."""
-        out = self.new(len(variables))
-        return Apply(shape, self.places(variables), out), out
+    def flag(self, variable: int) -> int:
+        """Return the register of a discrete variable; -1 where there is none."""
+        return int(self.plan.reduced.register_of[variable]) if variable >= 0 else -1
+
 
 
 def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float]) -> Instants:
@@ -160,46 +145,33 @@ def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float]) -> In
     flat, own = plan.reduced.flat, _Layout(plan)
     events = flat.events or Events(NONE, np.zeros((2, 0), int), (), (), (), (), (), (), ())
     layout = None if flat.events is None else plan.once(EventLayout)
-    of = {v: k for k, v in enumerate(events.discrete.tolist())}
-
-    def positions(variables: np.ndarray) -> np.ndarray:
-        return np.array([of.get(int(v), -1) for v in np.ravel(variables)], int)
-
     zeros, looked = _zeros(own, layout)
     watched, judged, branches, steps = _watched(own, flat)
-    assign = [
-        Apply(s.value, own.places(s.slots), own.places(s.target)) for s in plan.reduced.discrete if s.relation < 0
-    ]
-    assigned = np.concatenate([NONE, *(positions(s.target) for s in plan.reduced.discrete if s.relation < 0)])
-    first_read, reads = _reads(plan, positions)
-    reinits, more = _reinits(own, events, positions)
-    ends, endings = _told(own, [(e.guard, e.slots, False, _same(e.message)) for e in events.terminations])
-    at_events = [c for c in flat.checks if c.at_events]
-    checks, judging = _told(own, [(c.condition, c.slots, c.error, _message(flat, c)) for c in at_events])
-    lines, slope, offset = _lines(own, events, layout)
-    begin, begun = _begin(own, events, positions)
+    checks = [c for c in flat.checks if c.at_events]
+    told = [Condition(c.condition, c.slots, 0) for c in checks]
+    told += [Condition(e.guard, e.slots, 1) for e in events.terminations]
+    tables = Tables({}, (), (), NONE) if layout is None else event_tables(layout, own, told)
+    texts = [_message(flat, c)(row) for c in checks for row in range(len(c.slots))]
+    first_read, reads = _reads(plan, own)
+    begin, begun = _begin(own, events)
     seen = NONE if layout is None else plan.reduced.register_of[layout.seen]
     known = np.concatenate([NONE, *judged])
     wanted = np.concatenate([zeros, seen, branches, watched.places, known]).astype(int)
     look = needed_steps((*plan.reduced.observe, *looked, *steps), wanted, own.size)
-    relations = events.relations
-    rows = NONE if layout is None else _rows(layout)
-    samples = [positions(s.target) for s in events.samples]
-    clocks = [[own.places(getattr(s, n)) for s in events.samples] for n in ("start", "interval")]
     return Instants(
-        values_tape(look, own.size), values_tape((*assign, *more, *endings, *judging), own.size),
-        values_tape(lines, own.size), values_tape(begin, own.size), unfilled(look, wanted, plan.count), own.size,
+        values_tape(look, own.size), values_tape(tables.assign, own.size), values_tape(tables.lines, own.size),
+        values_tape(begin, own.size), unfilled(look, wanted, plan.count), own.size,
         np.array(sorted(own.parameters), int), own.absent, seen,
         NONE if layout is None else layout.registers,
         np.zeros(0) if layout is None else initial_values(flat, values)[events.discrete],
-        assigned, begun, zeros,
-        np.concatenate([NONE, *(np.full(r.rows, OPS.index(r.op)) for r in relations)]),
-        np.concatenate([NONE, *(positions(r.target) for r in relations)]), rows,
-        tuple(r.text for r in relations for _ in range(r.rows)), slope, offset,
-        positions(events.before[0]), own.places(events.before[0]), positions(events.before[1]),
-        np.stack([np.concatenate([NONE, *part]) for part in (samples, *clocks)]), reinits, ends, checks, watched,
+        np.concatenate([NONE, *(own.places(s.target) for s in plan.reduced.discrete if s.relation < 0)]), begun, zeros,
+        {name: tables.columns.get(name, NONE) for name in TABLES},
+        tuple(r.text for r in events.relations for _ in range(r.rows)),
+        np.concatenate([NONE, *(own.places(r.target) for r in events.reinits)]), len(texts),
+        np.concatenate([NONE, *(np.full(len(c.slots), c.error) for c in checks)]),
+        (*texts, *(e.message for e in events.terminations for _ in e.slots)), watched,
         np.cumsum([0, *map(len, judged)]), known, branches, first_read, reads,
-        int(positions(np.array([events.initial]))[0]), int(positions(np.array([events.terminal]))[0]), longest(),
+        own.flag(events.initial), own.flag(events.terminal), longest(),
     )  # fmt: skip
 
 
@@ -216,36 +188,6 @@ def _zeros(own: _Layout, layout: EventLayout | None) -> tuple[np.ndarray, Progra
     return np.concatenate(found), tuple(steps)
 
 
-def _rows(layout: EventLayout) -> np.ndarray:
-    """(relations,) the zero function of each, -1 - its line for one of time alone."""
-    found = layout.zero_row.copy()
-    of_time = np.flatnonzero(found < 0)
-    found[of_time] = -1 - np.arange(len(of_time))
-    return found
-
-
-def _lines(own: _Layout, events: Events, layout: EventLayout | None) -> tuple[Program, np.ndarray, np.ndarray]:
-    steps, slopes, offsets = [], [NONE], [NONE]
-    for timed in () if layout is None else layout.timed:
-        r = events.relations[timed.relation]
-        for shape, found in ((timed.slope, slopes), (timed.offset, offsets)):
-            step, out = own.values(shape, r.slots)
-            steps.append(step)
-            found.append(out)
-    return tuple(steps), np.concatenate(slopes), np.concatenate(offsets)
-
-
-def _reinits(own: _Layout, events: Events, positions: Positions) -> tuple[np.ndarray, Program]:
-    states = {int(r): k for k, r in enumerate(own.plan.states)}
-    rows, steps = [np.zeros((4, 0), int)], []
-    for r in events.reinits:
-        step, out = own.values(r.value, r.slots)
-        steps.append(step)
-        place = own.places(r.target)
-        rows.append(np.stack([positions(r.guard), np.array([states.get(int(p), -1) for p in place]), place, out]))
-    return np.concatenate(rows, axis=1), tuple(steps)
-
-
 def _told(
     own: _Layout, rows: Iterable[tuple[Expr, np.ndarray, bool, Callable[[int], str]]]
 ) -> tuple[Told, Program]:
@@ -258,10 +200,6 @@ def _told(
         errors += [error] * len(table)
         texts += [message(row) for row in range(len(table))]
     return Told(np.concatenate(places), np.array(errors, int), tuple(texts)), tuple(steps)
-
-
-def _same(text: str) -> Callable[[int], str]:
-    return lambda _: text
 
 
 def _message(flat: FlatDAE, check: Check) -> Callable[[int], str]:
@@ -283,19 +221,18 @@ def _watched(own: _Layout, flat: FlatDAE) -> tuple[Told, list[np.ndarray], np.nd
     return told, reads, np.concatenate(found), (*steps, *more)
 
 
-def _reads(plan: Plan, positions: Positions) -> tuple[np.ndarray, np.ndarray]:
-    """Return which discrete variables the equation of each assigned one reads, row after row."""
+def _reads(plan: Plan, own: _Layout) -> tuple[np.ndarray, np.ndarray]:
+    """Return which discrete registers the equation of each assigned one reads, row after row."""
     first, found = [0], [NONE]
     for s in plan.reduced.discrete:
         if s.relation < 0:
             for table in s.slots:
-                own = positions(table)
-                found.append(own[own >= 0])
+                found.append(own.places(table[own.flat.kind[table] == Kind.DISCRETE]))
                 first.append(first[-1] + len(found[-1]))
     return np.array(first, int), np.concatenate(found)
 
 
-def _begin(own: _Layout, events: Events, positions: Positions) -> tuple[Program, np.ndarray]:
+def _begin(own: _Layout, events: Events) -> tuple[Program, np.ndarray]:
     """Return what gives discrete variables with an equation at the start its value: now, and before."""
     now = dict(zip(*events.before[::-1].tolist(), strict=True)) if events.before.size else {}
     before = {v: k for k, v in now.items()}
@@ -311,4 +248,4 @@ def _begin(own: _Layout, events: Events, positions: Positions) -> tuple[Program,
             for one in sorted(own_ones - set(filled)):
                 steps.append(Apply(slot(0) * ONE, out[row : row + 1, None], own.places(np.array([one]))))
                 filled.append(one)
-    return tuple(steps), positions(np.array(filled, int))
+    return tuple(steps), own.places(np.array(filled, int))

@@ -1,12 +1,11 @@
-/* What happens at instants, with the rules and the numbers of `numerics/events/discrete_state.py`, `clock.py` and `event_handler.py`.
-   With the values pre(v) fixed, all equations are solved for the values v, and again with pre(v) := v until nothing
-   changes (Modelica specification 3.6, 8.6 and appendix B). */
+/* What happens to an FMU at instants, with the rules of `numerics/events/event_handler.py`; the iteration of an event is
+   that of `engine/c/instant.c`. */
 
 #include "discrete.h"
 
 #include <stdio.h>
 
-static const double ROUNDING = 1e-14, MOMENT = 1e-9, SHORTLY = 1e-6, LEAST = 0x1p-500;
+static const double MOMENT = 1e-9, SHORTLY = 1e-6, LEAST = 0x1p-500;
 enum { START_ROUNDS = 50 };
 
 /* ------------------------------------------------------------------ reinit */
@@ -17,7 +16,7 @@ static double aside(double value) { return value == 0 ? 1e-4 : value * (1 + 1e-4
 static double with(fmu *f, double *x, int64_t j, double value, int64_t i) {
   const double kept = x[j];
   x[j] = value;
-  const int found = fmu_look(f, f->now.time, x);
+  const int found = fmu_look(f, f->e.time, x);
   x[j] = kept;
   return found ? NAN : f->w[LOOK][f->model->events.reinit_register[i]];
 }
@@ -52,93 +51,35 @@ static int move_one(fmu *f, const double *from, int64_t i, double wanted, double
   return FMU_GOOD;
 }
 
-/* The states with the values that `reinit` gives them; `some`: it gives any. */
-static int reinit(fmu *f, const double *x, double *moved, int *some) {
-  const fmu_events *e = &f->model->events;
-  *some = 0;
-  memcpy(moved, x, f->model->states * sizeof(double));
-  for (int64_t i = 0; i < e->reinits; i++) {
-    if (f->d[e->reinit_guard[i]] == 0) continue;
-    const double value = f->w[ASSIGN][e->reinit_value[i]];
-    *some = 1;
-    if (e->reinit_state[i] >= 0) moved[e->reinit_state[i]] = value;
-    else if (move_one(f, x, i, value, moved)) return FMU_WRONG;
-  }
-  return FMU_GOOD;
-}
-
-/* ------------------------------------------------------------------ the clock */
-
-static double tick(double start, double interval, double least) {
-  if (!(interval > 0)) return INFINITY;
-  double k = fmax(0, floor((least - start) / interval));
-  while (start + k*interval <= least) k++;
-  return start + k*interval;
-}
-
-/* The first time event behind a time; `include`: one at the time itself counts. */
-static double next_time(fmu *f, double t, int include) {
-  const fmu_events *e = &f->model->events;
-  const double least = include ? t - near_to(t) : t + near_to(t), *w = f->w[PARAMETRIC];
-  double found = INFINITY;
-  for (int64_t i = 0; i < e->samples; i++)
-    found = fmin(found, tick(w[e->sample_start[i]], w[e->sample_interval[i]], least));
-  if (e->lines) fmu_run(f, LINES);
-  for (int64_t r = 0; r < e->relations; r++) {
-    if (e->row[r] >= 0) continue;
-    const double slope = f->w[LINES][e->slope[-1 - e->row[r]]], offset = f->w[LINES][e->offset[-1 - e->row[r]]];
-    double level = 0;
-    if (e->op[r] == FLOOR) {
-      const double exact = slope*least + offset;
-      level = floor(exact) + (slope > 0);
-      if (slope < 0 && level == exact) level--;
-    }
-    const double at = (level - offset) / slope;
-    if (at * 0 == 0 && at > least && at < found) found = at;
-  }
-  return found;
-}
-
-static void ring(fmu *f, double t) {
-  const fmu_events *e = &f->model->events;
-  const double *w = f->w[PARAMETRIC];
-  for (int64_t i = 0; i < e->samples; i++) {
-    const double start = w[e->sample_start[i]], interval = w[e->sample_interval[i]],
-                 k = nearbyint((t - start) / interval);
-    f->d[e->sample[i]] = k >= 0 && fabs(start + k*interval - t) <= near_to(t);
-  }
+int fmu_move(lmoc_instant *e, const double *x, int64_t i, double wanted, double *moved) {
+  return move_one(e->owner, x, i, wanted, moved);
 }
 
 /* ------------------------------------------------------------------ roots */
 
-int64_t fmu_roots(const fmu *f) {
-  const fmu_events *e = &f->model->events;
-  int64_t count = e->zeros + e->branches;
-  for (int64_t k = 0; k < e->zeros; k++) count += fmu_rounded(e, k);
-  return count;
+int64_t fmu_roots(const fmu *f) { return lmoc_roots(&f->e) + f->model->events.branches; }
+
+/* The zero functions as last looked at. */
+static double *zeros_of(fmu *f) {
+  for (int64_t k = 0; k < f->e.zeros; k++) f->noise[k] = fmu_value(f, k);
+  return f->noise;
 }
 
 int fmu_indicators(fmu *f, double time, const double *x, double *out) {
   const fmu_events *e = &f->model->events;
-  int64_t upper = e->zeros;
+  const int64_t roots = lmoc_roots(&f->e);
   if (fmu_look(f, time, x)) return FMU_NO_VALUE;
-  for (int64_t k = 0; k < e->zeros; k++) {
-    const double now = f->d[e->target[e->of_zero[k]]], value = fmu_value(f, k), margin = f->margin[k];
-    if (fmu_rounded(e, k)) {
-      out[k] = value - now + margin;
-      out[upper++] = now + 1 - value + margin;
-    } else out[k] = value + (now > 0 ? margin : -margin);
-    if (out[k] == 0) out[k] = now > 0 || fmu_rounded(e, k) ? LEAST : -LEAST; /* solvers take what is zero for no indicator */
-  }
-  for (int64_t i = 0; i < e->branches; i++) out[upper + i] = f->w[LOOK][e->branch[i]];
+  lmoc_root_values(&f->e, zeros_of(f), out);
+  for (int64_t k = 0; k < f->e.zeros; k++) /* solvers take what is zero for no indicator */
+    if (out[k] == 0) out[k] = lmoc_rounded(&f->e, k) || f->e.v[f->e.target[f->e.of_zero[k]]] > 0 ? LEAST : -LEAST;
+  for (int64_t i = 0; i < e->branches; i++) out[roots + i] = f->w[LOOK][e->branch[i]];
   return FMU_GOOD;
 }
 
 void fmu_sides(const fmu *f, double *out) {
-  const fmu_events *e = &f->model->events;
-  const int64_t count = fmu_roots(f);
-  for (int64_t k = 0; k < count; k++) out[k] = k < count - e->branches ? 1 : 0;
-  for (int64_t k = 0; k < e->zeros; k++) if (!fmu_rounded(e, k) && !(f->d[e->target[e->of_zero[k]]] > 0)) out[k] = -1;
+  const int64_t roots = lmoc_roots(&f->e);
+  lmoc_root_sides(&f->e, out);
+  for (int64_t i = 0; i < f->model->events.branches; i++) out[roots + i] = 0;
 }
 
 int fmu_asks(fmu *f, const double *values) {
@@ -153,27 +94,16 @@ int fmu_passed(fmu *f) {
   return fmu_roots(f) && !fmu_indicators(f, f->now.time, f->x, f->root) && fmu_asks(f, f->root);
 }
 
-void fmu_seen(fmu *f) {
-  for (int64_t k = 0; k < f->model->events.zeros; k++) {
-    const double value = fmu_value(f, k);
-    f->high[k] = fmax(f->high[k], fmu_height(&f->model->events, k, value));
-    f->largest[k] = fmax(f->largest[k], fabs(value));
-  }
-}
+void fmu_seen(fmu *f) { lmoc_seen(&f->e, zeros_of(f)); }
 
-void fmu_followed(fmu *f) {
-  for (int64_t k = 0; k < f->model->events.zeros; k++) {
-    if (f->high[k] > 100 * f->margin[k]) f->margin[k] = 0; /* it has left zero, whatever comes */
-    f->high[k] = 0;
-  }
-}
+void fmu_followed(fmu *f) { lmoc_followed(&f->e); }
 
 /* ------------------------------------------------------------------ events */
 
 /* Which zero functions are beyond their side, 1 (of rounded ones 2 at the upper edge), or will be so soon that it is the
    same instant. */
 static int crossed(fmu *f, double *which) {
-  const fmu_events *e = &f->model->events;
+  const lmoc_instant *e = &f->e;
   const int64_t count = fmu_roots(f), n = f->model->states;
   const double t = f->now.time, ahead = 1e-14 * fmax(fabs(t), fabs(f->now.begin)) + 1e-12 * (t - f->now.begin);
   double *values = f->root, *sides = values + count, *later = sides + count, *x = f->moved;
@@ -184,7 +114,7 @@ static int crossed(fmu *f, double *which) {
   if (!(t > f->now.last_instant) || fmu_indicators(f, t + ahead, x, later)) memcpy(later, values, count * sizeof(double));
   fmu_sides(f, sides);
   for (int64_t k = 0, upper = e->zeros; k < e->zeros; k++)
-    for (int64_t edge = 0, at = k; edge < 1 + fmu_rounded(e, k); edge++, at = upper++) {
+    for (int64_t edge = 0, at = k; edge < 1 + lmoc_rounded(e, k); edge++, at = upper++) {
       const double now = values[at] * sides[at], then = later[at] * sides[at];
       if (now < 0 || (then < 0 && then < now)) which[k] = 1 + (double)edge;
     }
@@ -192,8 +122,8 @@ static int crossed(fmu *f, double *which) {
 }
 
 static int chatters(fmu *f, const double *which) {
-  const double t = f->now.time, moment = MOMENT * fmax(f->model->span, near_to(t));
-  for (int64_t k = 0; k < f->model->events.zeros; k++) {
+  const double t = f->now.time, moment = MOMENT * fmax(f->model->span, lmoc_near_to(t));
+  for (int64_t k = 0; k < f->e.zeros; k++) {
     if (which[k] == 0) continue;
     double *times = f->times + k*FMU_CHATTER;
     memmove(times, times + 1, (FMU_CHATTER - 1) * sizeof(double));
@@ -201,98 +131,61 @@ static int chatters(fmu *f, const double *which) {
     if (t - times[0] <= moment) {
       char text[400];
       snprintf(text, sizeof text, "%.300s switches back and forth: a friction with a stick mode ends that",
-               f->model->events.texts[f->model->events.of_zero[k]]);
+               f->model->events.texts[f->e.of_zero[k]]);
       return fmu_refused(f, text);
     }
   }
   return FMU_GOOD;
 }
 
-/* Let relations change whose functions are about to cross zero, though they are not there yet. */
-static void turn_early(fmu *f, const double *which) {
-  const fmu_events *e = &f->model->events;
-  for (int64_t k = 0; k < e->zeros; k++) {
-    double *now = f->d + e->target[e->of_zero[k]];
-    if (which[k] == 0 || fmu_decided(f, k, *now) != *now) continue;
-    *now = fmu_rounded(e, k) ? *now + (which[k] == 2 ? 1 : -1) : 1 - *now;
-    f->margin[k] = fmax(f->margin[k], fmax(2 * fmu_height(e, k, f->zero[k]), ROUNDING * f->largest[k]));
-  }
-}
-
 /* What the event's own conditions say of it. */
 static int judge(fmu *f) {
   const fmu_events *e = &f->model->events;
-  for (int64_t i = 0; i < e->checks; i++) {
-    if (f->w[ASSIGN][e->check[i]] != 0) continue;
-    (e->check_error[i] ? f->tell : f->warn)(f->owner, e->check_texts[i]);
-    if (e->check_error[i]) return FMU_WRONG;
-  }
-  for (int64_t i = 0; i < e->ends; i++) {
-    if (f->w[ASSIGN][e->end[i]] == 0 || f->now.ended) continue;
-    f->now.ended = 1;
-    f->warn(f->owner, e->end_texts[i]);
+  for (int64_t i = 0; i < f->e.found_count; i++) {
+    const int64_t k = f->e.found[i];
+    const int wrong = k < e->checks && e->check_error[k];
+    if (k >= e->checks && f->now.ended) continue;
+    (wrong ? f->tell : f->warn)(f->owner, e->told_texts[k]);
+    if (wrong) return FMU_WRONG;
+    if (k >= e->checks) f->now.ended = 1;
   }
   return FMU_GOOD;
 }
 
-/* Solve, remember and solve again, from what an instant has changed on. `turn_back` (zeros,): relations that change,
-   instead of those that `which` tells of. */
+/* What an instant has changed, and all that follows. `turn_back` (zeros,): relations that change, instead of those that
+   `which` tells of. */
 static int event(fmu *f, int due, double instant, const double *which, const double *turn_back) {
-  const fmu_events *e = &f->model->events;
-  double *moved = f->moved;
-  if (fmu_take(f, f->now.time, f->x)) return FMU_NO_VALUE;
-  for (int round = 0; round < FMU_ROUNDS; round++) {
-    int some = 0, changed = 0, found;
-    fmu_remember(f);
-    if (!round) {
-      if (due) ring(f, instant);
-      if (which) turn_early(f, which);
-      for (int64_t k = 0; turn_back && k < e->zeros; k++) {
-        double *own = f->d + e->target[e->of_zero[k]];
-        if (turn_back[k] != 0) *own = 1 - *own;
-      }
-    }
-    if ((found = fmu_settle(f, f->x)) || (found = judge(f)) || (found = reinit(f, f->x, moved, &some))) return found;
-    for (int64_t i = 0; i < e->samples; i++) f->d[e->sample[i]] = 0;
-    for (int64_t i = 0; i < e->before; i++)
-      changed |= e->now[i] >= 0 && differ(f->d[e->now[i]], f->d[e->past[i]]);
-    if (some) {
-      memcpy(f->x, moved, f->model->states * sizeof(double));
-      f->now.jumped = 1;
-    }
-    fmu_changed(f);
-    if (!some && !changed) return FMU_GOOD;
-    if (fmu_take(f, f->now.time, f->x)) return FMU_NO_VALUE;
+  lmoc_instant *e = &f->e;
+  int found;
+  if ((found = lmoc_take(e, f->now.time, f->x))) return found;
+  lmoc_remember(e);
+  if (due) lmoc_ring(e, instant);
+  if (which) lmoc_turn_early(e, which);
+  for (int64_t k = 0; turn_back && k < e->zeros; k++) {
+    double *own = e->v + e->target[e->of_zero[k]];
+    if (turn_back[k] != 0) *own = 1 - *own;
   }
-  return fmu_unsettled(f);
-}
-
-/* Until functions have left zero that they have just crossed, rounding does not bring them back. */
-static void leave_zero(fmu *f, const double *which) {
-  const fmu_events *e = &f->model->events;
-  for (int64_t k = 0; k < e->zeros; k++) {
-    if (fmu_height(e, k, f->zero[k]) > f->margin[k]) f->margin[k] = 0;
-    if (which[k] == 0) continue;
-    f->margin[k] = fmax(f->margin[k], ROUNDING * f->largest[k]);
-    f->largest[k] = 0;
-  }
+  found = lmoc_event(e, f->x);
+  f->now.jumped |= e->jumped != 0;
+  fmu_changed(f);
+  return found == LMOC_UNSETTLED ? fmu_unsettled(f) : found ? found : judge(f);
 }
 
 /* Let conditions at zero change back where the jump of states sends them to the side they came from. */
 static int come_back(fmu *f, const double *which) {
-  const fmu_events *e = &f->model->events;
+  lmoc_instant *e = &f->e;
   const int64_t n = f->model->states;
   const double since = f->now.time - f->now.last_event, shortly = SHORTLY * since;
   double *x = f->moved, *back = f->back;
   int some = 0;
   f->now.last_event = f->now.time;
-  if (!(since > 0) || fmu_take(f, f->now.time, f->x)) return FMU_GOOD;
+  if (!(since > 0) || lmoc_take(e, f->now.time, f->x)) return FMU_GOOD;
   for (int64_t i = 0; i < n; i++) x[i] = f->x[i] + shortly * f->w[RIGHT][f->model->derivative[i]];
   if (fmu_look(f, f->now.time + shortly, x)) return FMU_GOOD;
   for (int64_t k = 0; k < e->zeros; k++) {
     const double ahead = fmu_value(f, k);
-    back[k] = which[k] != 0 && !fmu_rounded(e, k) && fabs(f->zero[k]) < f->margin[k] && fabs(ahead) > f->margin[k] &&
-              (ahead > 0) != (f->d[e->target[e->of_zero[k]]] > 0);
+    back[k] = which[k] != 0 && !lmoc_rounded(e, k) && fabs(e->zero[k]) < e->margin[k] && fabs(ahead) > e->margin[k] &&
+              (ahead > 0) != (e->v[e->target[e->of_zero[k]]] > 0);
     some |= back[k] != 0;
   }
   return some ? event(f, 0, f->now.time, 0, back) : FMU_GOOD;
@@ -300,17 +193,17 @@ static int come_back(fmu *f, const double *which) {
 
 int fmu_happen(fmu *f) {
   const double t = f->now.time;
-  const int due = t >= f->now.next - near_to(t);
+  const int due = t >= f->now.next - lmoc_near_to(t);
   const double instant = due ? f->now.next : t;
   double *which = f->which;
   int some = 0, found;
   f->now.jumped = 0;
-  if (f->now.ended || !f->model->events.discrete) return FMU_GOOD;
+  if (f->now.ended || !f->e.discrete) return FMU_GOOD;
   if ((found = crossed(f, which)) || (found = chatters(f, which))) return found;
   if ((found = event(f, due, instant, which, 0))) return found;
-  f->now.next = next_time(f, instant, 0);
-  for (int64_t k = 0; k < f->model->events.zeros; k++) some |= which[k] != 0;
-  if (some) leave_zero(f, which);
+  f->now.next = lmoc_next_time(&f->e, instant, 0);
+  for (int64_t k = 0; k < f->e.zeros; k++) some |= which[k] != 0;
+  if (some) lmoc_leave_zero(&f->e, which);
   if (some && f->now.jumped && (found = come_back(f, which))) return found;
   f->now.last_instant = t;
   if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
@@ -320,48 +213,57 @@ int fmu_happen(fmu *f) {
 
 /* ------------------------------------------------------------------ the start, and assertions about the motion */
 
+/* Discrete variables with an equation at the start have that value, and have had it. */
+static void begin_with(fmu *f) {
+  const fmu_events *m = &f->model->events;
+  lmoc_instant *e = &f->e;
+  for (int64_t i = 0; i < e->discrete; i++) f->w[BEGIN][e->own[i]] = e->v[e->own[i]];
+  lmoc_tape_run(f->now.time, f->w[BEGIN], f->tape + BEGIN);
+  for (int64_t i = 0; i < m->begun; i++) e->v[m->begun_ones[i]] = f->w[BEGIN][m->begun_ones[i]];
+}
+
 /* Discrete values that agree with each other and with the states. `for_good`: with the events of the start, else only to
    be looked at. */
 int fmu_begin(fmu *f, int for_good) {
-  const fmu_events *e = &f->model->events;
+  const fmu_events *m = &f->model->events;
+  lmoc_instant *e = &f->e;
   const double t = f->now.time;
+  double *before = e->history + LMOC_BEGUN*e->discrete;
   int some = 0, found, changed = 1;
   f->now.settled = 1;
   f->now.jumped = 0;
   if (!e->discrete) return fmu_look(f, t, f->x);
-  memcpy(f->d, e->start, e->discrete * sizeof(double));
-  f->now.literal = 1;
-  if (e->initial >= 0) f->d[e->initial] = 1;
-  if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;  /* which brings the parameters */
-  fmu_remember(f);
-  fmu_run(f, BEGIN);
-  for (int64_t i = 0; i < e->begun; i++) f->d[e->begun_ones[i]] = f->w[BEGIN][e->registers[e->begun_ones[i]]];
+  for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = m->start[i];
+  e->literal = 1;
+  if (m->initial >= 0) e->v[m->initial] = 1;
+  if ((found = e->look(e, t, f->x))) return found;  /* which brings the parameters */
+  lmoc_remember(e);
+  begin_with(f);
   for (int round = 0; changed; round++) {
-    double *before = fmu_in_history(f, FMU_BEGUN);
     if (round == START_ROUNDS) return fmu_unsettled(f);
-    memcpy(before, f->d, e->discrete * sizeof(double));
-    memset(f->margin, 0, e->zeros * sizeof(double));
-    if (fmu_take(f, t, f->x)) return FMU_NO_VALUE;
-    for (int64_t i = 0; i < e->before; i++) if (e->now[i] < 0) f->d[e->past[i]] = f->w[LOOK][e->source[i]];
-    fmu_assign(f);
+    for (int64_t i = 0; i < e->discrete; i++) before[i] = e->v[e->own[i]];
+    memset(e->margin, 0, e->zeros * sizeof(double));
+    if ((found = lmoc_take(e, t, f->x))) return found;
+    for (int64_t i = 0; i < e->before; i++) if (!e->held[i]) e->v[e->past[i]] = e->v[e->now[i]];
+    lmoc_assign(e);
     changed = 0;
-    for (int64_t i = 0; i < e->discrete; i++) changed |= differ(before[i], f->d[i]);
+    for (int64_t i = 0; i < e->discrete; i++) changed |= lmoc_differ(before[i], e->v[e->own[i]]);
   }
   if (for_good) {
-    if ((found = reinit(f, f->x, f->moved, &some))) return found;
-    if (some) memcpy(f->x, f->moved, f->model->states * sizeof(double));
+    if ((found = lmoc_reinit(e, f->x, &some))) return found;
+    if (some) memcpy(f->x, e->moved, f->model->states * sizeof(double));
   }
-  if (e->initial >= 0) f->d[e->initial] = 0;
-  fmu_remember(f);
-  if ((found = fmu_settle(f, f->x))) return found;
-  fmu_remember(f);
-  f->now.literal = 0;
+  if (m->initial >= 0) e->v[m->initial] = 0;
+  lmoc_remember(e);
+  if ((found = lmoc_solve_instant(e, f->x))) return found == LMOC_UNSETTLED ? fmu_unsettled(f) : found;
+  lmoc_remember(e);
+  e->literal = 0;
   fmu_changed(f);
   if (!for_good) return FMU_GOOD;
   f->now.begun = 1;
   f->now.last_event = f->now.last_instant = t;
-  f->now.next = next_time(f, t, 1);
-  return f->now.next <= t + near_to(t) ? fmu_happen(f) : FMU_GOOD;
+  f->now.next = lmoc_next_time(e, t, 1);
+  return f->now.next <= t + lmoc_near_to(t) ? fmu_happen(f) : FMU_GOOD;
 }
 
 int fmu_holds(fmu *f) {

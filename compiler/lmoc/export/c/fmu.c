@@ -1,6 +1,6 @@
 /* What FMI 2.0 and 3.0 have in common: values, states, steps. */
 
-#include "fmu.h"
+#include "discrete.h"
 
 #include <stdlib.h>
 
@@ -31,6 +31,7 @@ static int make_tape(fmu *f, int k, int32_t **pivots) {
 static int64_t place_memory(fmu *f) {
   const fmu_model *m = f->model;
   const fmu_events *e = &m->events;
+  const lmoc_instant *i = &e->tables;
   double *at = f->memory;
   int64_t total = 0;
 #define TAKE(name, count) (f->name = at ? at + total : 0, total += (count))
@@ -41,26 +42,34 @@ static int64_t place_memory(fmu *f) {
   TAKE(solution, 3*m->unknowns);
   TAKE(solution_x, 3*m->states);
   TAKE(sign, m->unknowns);
-  TAKE(d, e->discrete);
-  TAKE(zero, e->zeros);
-  TAKE(margin, e->zeros);
-  TAKE(largest, e->zeros);
-  TAKE(times, e->zeros * FMU_CHATTER);
+  TAKE(e.zero, i->zeros);
+  TAKE(e.margin, i->zeros);
+  TAKE(e.largest, i->zeros);
+  TAKE(e.high, i->zeros);
+  TAKE(e.early, i->relations);
+  TAKE(times, i->zeros * FMU_CHATTER);
   TAKE(warned, e->watched);
-  TAKE(high, e->zeros);
   f->doubles = total;
   TAKE(work, 32*m->states + 4);
-  TAKE(noise, 2*e->zeros);
-  TAKE(history, e->discrete * FMU_HISTORY);
+  TAKE(noise, 2*i->zeros);
+  TAKE(e.history, i->discrete * LMOC_HISTORY);
+  TAKE(e.supposed, i->relations);
+  TAKE(e.changed, i->discrete);
+  TAKE(e.flipped, i->discrete);
   TAKE(moved, 5*m->states);
   TAKE(root, 4*fmu_roots(f) + FMU_SAMPLES*fmu_roots(f));
-  TAKE(supposed, e->discrete);
-  TAKE(flipped, 3*e->discrete);
-  TAKE(which, e->zeros);
-  TAKE(back, e->zeros);
+  TAKE(flags, 2*e->size);
+  TAKE(which, i->zeros);
+  TAKE(back, i->zeros);
   double *scratch;
-  scratch = at ? at + total : 0, total += e->zeros;
+  scratch = at ? at + total : 0, total += i->zeros + i->told;
   f->chosen = (int64_t *)scratch;
+  f->e.found = f->chosen + i->zeros;
+  f->e.moved = f->moved;
+  f->e.v = f->w[ASSIGN];
+  f->e.line = f->w[LINES];
+  f->e.assign = f->tape + ASSIGN;
+  f->e.lines = f->tape + LINES;
 #undef TAKE
   return total;
 }
@@ -96,7 +105,7 @@ void fmu_reset(fmu *f) {
   }
   memcpy(f->w[PARAMETRIC], m->known, m->parametric.time * sizeof(double));
   for (int k = LOOK; k < TAPES; k++) f->w[k][m->events.absent] = NAN;
-  for (int64_t i = 0; i < m->events.zeros * FMU_CHATTER; i++) f->times[i] = -INFINITY;
+  for (int64_t i = 0; i < f->e.zeros * FMU_CHATTER; i++) f->times[i] = -INFINITY;
   guess(f);
   forget(f);
   f->last = 0;
@@ -114,6 +123,8 @@ fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell te
   fmu *f = calloc(1, sizeof *f);
   if (!f) return 0;
   f->model = model;
+  f->e = model->events.tables;
+  fmu_ask(f);
   f->owner = owner;
   f->tell = tell;
   f->warn = warn;
@@ -181,9 +192,9 @@ static void settle(fmu *f) {
     fmu_changed(f);
   }
   for (int64_t i = 0; i < m->inputs; i++) f->w[RIGHT][m->input[i]] = f->u[i];
-  for (int64_t i = 0; i < e->discrete; i++)
-    if (f->w[RIGHT][e->registers[i]] != f->d[i]) {
-      f->w[RIGHT][e->registers[i]] = f->d[i];
+  for (int64_t i = 0; i < f->e.discrete; i++)
+    if (f->w[RIGHT][e->registers[i]] != f->e.v[f->e.own[i]]) {
+      f->w[RIGHT][e->registers[i]] = f->e.v[f->e.own[i]];
       f->call.solved = f->call.marked = 0; /* the equations are others: their solution may be elsewhere */
       fmu_changed(f);
     }
@@ -211,7 +222,7 @@ int fmu_look(fmu *f, double time, const double *x) {
 
 static int evaluate(fmu *f) {
   settle(f);
-  if (!f->now.begun && !f->now.settled && f->model->events.discrete) {
+  if (!f->now.begun && !f->now.settled && f->e.discrete) {
     const int found = fmu_begin(f, 0);
     if (found) return found;
   }
@@ -248,7 +259,7 @@ int fmu_get(fmu *f, uint32_t reference, double *value) {
     case FMU_PARAMETER: *value = f->p[place]; break;
     case FMU_DISCRETE:
       found = evaluate(f);
-      *value = f->d[place];
+      *value = f->e.v[f->e.own[place]];
       break;
     case FMU_INDICATOR:
       found = evaluate(f);

@@ -6,6 +6,7 @@
 
 #include <stddef.h>
 
+#include "instant.h"
 #include "walk.h"
 
 #if defined(_WIN32)
@@ -30,20 +31,16 @@ enum {
 };
 enum { FMU_REAL, FMU_INTEGER, FMU_BOOLEAN };
 
-/* The events of a scene, as `export/instants.py` describes them. Discrete variables are numbered; other tables hold
-   registers. */
+/* The events of a scene, as `export/instants.py` describes them: tables of registers. */
 typedef struct {
-  int64_t discrete, zeros, relations, lines, before, samples, reinits, ends, checks, watched, branches, seen,
-          parameters, assigned, begun, kept, absent, initial, terminal;
+  lmoc_instant tables;                    /* places are registers of `assign` */
+  int64_t size, checks, watched, branches, seen, parameters, assigned, begun, kept, absent, initial, terminal;
   fmu_tape look, assign, line, begin;
-  const int32_t *registers, *zero, *op, *target, *row, *slope, *offset, *now, *source, *past;
-  const int32_t *of_zero;                 /* (zeros,) the relation of each */
-  const int32_t *sample, *sample_start, *sample_interval;
-  const int32_t *reinit_guard, *reinit_state, *reinit_register, *reinit_value;
-  const int32_t *end, *check, *check_error, *held, *held_error, *first_known, *known, *branch, *seen_registers,
+  const int32_t *registers, *zero;        /* (discrete,), (zeros,) of `look` */
+  const int32_t *reinit_register, *check_error, *held, *held_error, *first_known, *known, *branch, *seen_registers,
                 *parameter_registers, *assigned_ones, *first_read, *read, *begun_ones, *kept_registers;
   const double *start;
-  const char *const *texts, *const *end_texts, *const *check_texts, *const *held_texts;
+  const char *const *texts, *const *told_texts, *const *held_texts;
   double longest;                         /* s, of a step */
 } fmu_events;
 
@@ -97,23 +94,22 @@ typedef struct {
   int64_t solved, marked, first_break;
   int32_t phase, co_simulation, stale, evaluated, observed, judged;
   int32_t settled, begun, ended;          /* discrete values agree; those of the start are past; the model has ended */
-  int32_t literal, supposing, jumped;     /* how relations are taken; whether states have jumped at the last event */
-  int32_t closed, unused;                 /* the closures of loops have been found */
+  int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found */
 } fmu_scalars;
 
-enum { FMU_CHATTER = 12, FMU_HISTORY = 102, FMU_SAMPLES = 260 };
+enum { FMU_CHATTER = 12, FMU_SAMPLES = 260 };
 
 typedef struct fmu {
   fmu_scalars now;
+  lmoc_instant e;
   const fmu_model *model;
   lmoc_tape tape[TAPES];
   lmoc_block *blocks[TAPES];
   /* one piece of memory, then scratch */
   double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
-  double *d, *zero, *margin, *largest, *times;  /* discrete values; zero functions and when each has crossed zero */
+  double *times;                                /* (zeros, FMU_CHATTER) s, when each has crossed zero */
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
-  double *high;                                 /* how far each zero function has been from zero in a step */
-  double *work, *noise, *history, *moved, *root, *supposed, *flipped, *which, *back;
+  double *work, *noise, *moved, *root, *flags, *which, *back;
   int64_t *chosen;
   int64_t doubles, pivot_count;
   int32_t *pivots;

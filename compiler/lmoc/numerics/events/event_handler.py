@@ -12,7 +12,6 @@ from lmoc.ir.events import Events
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.numerics.events.chatter import Crossings, where
-from lmoc.numerics.events.clock import next_time, ring
 from lmoc.numerics.events.discrete_state import DiscreteState, Happened, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.events.hops import notice_wrong_ways, turned_back
 from lmoc.numerics.events.layout import EventLayout
@@ -113,12 +112,12 @@ class EventHandler:
             discrete.remember()
             if near is not None:
                 discrete.suppose(near.observer.plan.reduced.register_of, near.w)
-            discrete.early = self._moving_relations()
+            discrete.take_early(self._moving_relations())
             x = self._first(states)
         discrete.literal = False
         discrete.remember()
         done = isinstance(initial, End) and abs(initial.time - self.begin) <= near_to(self.begin)
-        self.next = next_time(discrete, self.begin, include=not done)
+        self.next = discrete.next_time(self.begin, include=not done)
         if self.next <= self.begin + near_to(self.begin):
             return self._event(self.begin, x, "time")
         return x
@@ -154,7 +153,7 @@ class EventHandler:
                 break
         else:
             raise self._unsettled(Unsettled(events.discrete[changed]), self.begin)
-        moved = self._guarded(lambda: discrete._reinit(self.begin, x), self.begin)
+        moved = self._guarded(lambda: discrete.reinit(self.begin, x), self.begin)
         self._flag(events.initial, 0.0)
         discrete.remember()
         x = x if moved is None else moved
@@ -216,9 +215,11 @@ class EventHandler:
             crossed, upwards = self._crossed(outcome.roots)
             self._crossings.cross(self.layout, t, crossed)
             notice_wrong_ways(self.discrete, self._crossings, outcome, crossed)
-            off = np.abs(self.layout.zeros(t, x))
-            behind = self._event(t, x, "when", lambda: self._turn(crossed, upwards))
-            self.discrete.crossed(crossed)
+            off = np.abs(self.discrete.zeros(np.array([t]), x[None])[0])
+            which = np.zeros(self.layout.zero_count)
+            which[crossed] = np.where(upwards, 2.0, 1.0)
+            behind = self._event(t, x, "when", lambda: self.discrete.turn(which))
+            self.discrete.crossed(which)
             return behind if behind is x else self._leave(outcome, behind, crossed, off)
         if t >= self.next - near_to(t):
             return self._event(t, x, "time")
@@ -232,11 +233,6 @@ class EventHandler:
         upper[self.layout.rounded] = roots[self.layout.zero_count :]
         crossed = np.flatnonzero(lower | upper)
         return crossed, upper[crossed]
-
-    def _turn(self, crossed: np.ndarray, upwards: np.ndarray) -> None:
-        """Let relations change that come to their change so soon that it is at this instant, though not there yet."""
-        early = ~self.discrete.differs(crossed)
-        self.discrete.turn(crossed[early], upwards[early])
 
     def instant(self, t: float, near: float) -> float:
         """Return the next time event where it is as near to a time as that, else the time."""
@@ -268,14 +264,14 @@ class EventHandler:
 
         def begin() -> None:
             if due:
-                ring(discrete, instant)
+                discrete.ring(instant)
             if kind == "terminal":
                 self._flag(events.terminal, 1.0)
             if change is not None:
                 change()
 
         happened = self._guarded(lambda: discrete.event(t, x, begin), t)
-        self.next = next_time(discrete, instant)
+        self.next = discrete.next_time(instant)
         lost = self._energy(t, x, happened)
         count = self.layout.plan.count  # behind them are zero functions, which are no part of the motion
         behind = self.step(t, happened.x, base[:count], discrete.base[:count])
@@ -291,11 +287,10 @@ class EventHandler:
         if happened.x is x or self._lost < 0 or self._work < 0:
             return 0.0
         layout, discrete = self.layout, self.discrete
-        k = np.flatnonzero(layout.seen == layout.flat.find("ledger.stored")[0])
-        if not len(k):
+        stored = layout.flat.find("ledger.stored")[0]
+        if stored not in layout.seen:
             return 0.0
-        before, after = (float(layout.values(t, one)[k[0]]) for one in (x, happened.x))
-        discrete.look(t, happened.x)
+        before, after = (discrete.seen(t, one, stored) for one in (x, happened.x))
         lost = before - after
         if np.isfinite(lost):
             happened.x[self._lost if lost > 0 else self._work] += abs(lost)

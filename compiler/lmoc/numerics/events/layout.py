@@ -10,7 +10,9 @@ from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import TIME, Expr, depends_on_time, postorder, slots
 from lmoc.ir.events import Events, Relations
 from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.program import Apply, Solve, needed_steps, unfilled, walk
+from lmoc.ir.program import Apply, Program, Solve, needed_steps, unfilled, walk
+from lmoc.lower.blocks import values_tape
+from lmoc.lower.tape import Tape
 from lmoc.numerics.events.switching_blocks import SwitchingBlocks
 from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan.plan import Plan
@@ -66,17 +68,26 @@ class EventLayout:
         self.seen = self._seen(of_time)
         self.values = Readout(plan, program, self.count, register[self.seen])
         self.registers = register[self.events.discrete]
-        self.prepared: tuple[object, bytes] | None = None  # for whom the readouts are, and with which `given`
+
+    @cached_property
+    def _looked(self) -> Program:
+        """What fills the zero functions and what is seen."""
+        return needed_steps(self._program, self._wanted, self.count)
+
+    @property
+    def _wanted(self) -> np.ndarray:
+        return np.concatenate([self.plan.count + np.arange(self.zero_count), self.plan.reduced.register_of[self.seen]])
+
+    @cached_property
+    def view(self) -> Tape | None:
+        """The zero functions and what is seen; None where nonlinear blocks are followed."""
+        nonlinear = any(not step.linear for step in walk(self._looked) if isinstance(step, Solve))
+        return None if nonlinear else values_tape(self._looked, self.count)
 
     @cached_property
     def given(self) -> np.ndarray:
-        """The registers from which the readouts begin; all of them where a nonlinear block starts from a guess."""
-        zeros = self.plan.count + np.arange(self.zero_count)
-        wanted = np.concatenate([zeros, self.plan.reduced.register_of[self.seen]])
-        program = needed_steps(self._program, wanted, self.count)
-        if any(not step.linear for step in walk(program) if isinstance(step, Solve)):
-            return np.arange(self.count)
-        return unfilled(program, wanted, self.count)
+        """The registers from which these begin; all of them where a nonlinear block starts from a guess."""
+        return np.arange(self.count) if self.view is None else unfilled(self._looked, self._wanted, self.count)
 
     @cached_property
     def rounded_by(self) -> np.ndarray:

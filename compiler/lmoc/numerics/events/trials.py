@@ -24,12 +24,12 @@ class Discrete(Protocol):
     zero: np.ndarray
     margin: np.ndarray
     base: np.ndarray
-    supposed: np.ndarray | None
 
     def push(self) -> None: ...
     def look(self, t: float, x: np.ndarray) -> None: ...
     def turn_once(self, t: float, x: np.ndarray) -> np.ndarray: ...
     def registers(self, t: float, x: np.ndarray) -> np.ndarray: ...
+    def supposing(self, targets: np.ndarray | None) -> None: ...
     def rounding(self, t: float, x: np.ndarray) -> np.ndarray: ...
 
 
@@ -51,19 +51,17 @@ def try_relations(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarray
     return _try(discrete, t, x, begun, _read_by(discrete, flipped), _FEW)
 
 
-def prefer_regular(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarray) -> None:
+def prefer_regular(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarray) -> bool:
     """Where a block is singular with the values found, take others with which it is not, if there are any.
 
     Of two frictions that hold one shaft, one slides without moving, and the other one takes what is left of the load:
-    the one that half of it is too much for.
+    the one that half of it is too much for. Returns that there are values.
     """
     layout = discrete.layout
-    if not layout.switching:
-        return
     unclear = layout.switching.undetermined_by(discrete.registers(t, x), t)
     key = layout.switching.key(discrete.base)
     if not len(unclear) or key in layout.switching.tried:
-        return
+        return True
     found, zero = discrete.v.copy(), discrete.zero.copy()
     read = np.zeros(len(discrete.v), bool)
     read[layout.events.discrete[unclear]] = True
@@ -72,11 +70,12 @@ def prefer_regular(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarra
     over = _asked(discrete, zeros, own) != (found[layout.zero_target[zeros]] > 0)
     order = np.lexsort((np.where(over, -np.abs(own), np.abs(own)), ~over))
     if _try(discrete, t, x, found, zeros[order], _FEW, regular=True):
-        return
+        return True
     layout.switching.tried.add(key)
-    discrete.v[:], discrete.zero = found, zero
+    discrete.v[:], discrete.zero[:] = found, zero
     discrete.push()
     discrete.look(t, x)
+    return True
 
 
 def _read_by(discrete: Discrete, changed: np.ndarray) -> np.ndarray:
@@ -100,8 +99,7 @@ def _try(
 ) -> bool:
     """Try values of relations, with at most so many of them changed; only those with which no block is singular."""
     targets = discrete.layout.zero_target[zeros]
-    discrete.supposed = np.zeros(len(discrete.v), bool)
-    discrete.supposed[targets] = True
+    discrete.supposing(targets)
     changes = chain.from_iterable(combinations(range(len(zeros)), k) for k in range(most + 1))
     try:
         for change in islice(changes, _TRIALS_REGULAR if regular else _TRIALS):
@@ -113,7 +111,7 @@ def _try(
             if not regular or not len(discrete.layout.switching.undetermined_by(discrete.registers(t, x), t)):
                 return True
     finally:
-        discrete.supposed = None
+        discrete.supposing(None)
     return False
 
 

@@ -1,4 +1,4 @@
-// Time events: the instants at which `sample` is true, and at which relations of time alone change, as `numerics/events/clock.py`.
+// Time events: the instants at which `sample` is true, and at which relations of time alone change, as `engine/c/instant.c`.
 
 import { nearTo } from "./discrete_state.js";
 

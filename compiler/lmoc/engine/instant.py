@@ -1,0 +1,176 @@
+"""What happens at an instant, as C functions work on it (``c/instant.h``): its memory, and who is asked."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from lmoc.engine.kernel import Kernel
+from lmoc.engine.library import address, library
+from lmoc.lower.tape import Tape
+
+SETTLED, NO_VALUE, HALTED, UNSETTLED = range(4)
+_HISTORY = 102  # (``LMOC_HISTORY``): rounds, and the values before them
+BEGUN = 100
+
+_HOOK = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p)
+_MOVE = ctypes.CFUNCTYPE(
+    ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+)
+COUNTED = {  # by the lengths of which tables
+    "discrete": "own", "zeros": "of_zero", "relations": "op", "before": "now", "samples": "sample", "reinits": "guard",
+    "told": "tell", "bounded": "read",
+}  # fmt: skip
+TABLES = (
+    "own", "op", "target", "row", "of_zero", "slope", "offset", "written", "now", "past", "held", "sample", "start",
+    "interval", "guard", "state", "value", "tell", "sought", "read",
+)  # fmt: skip
+_NUMBERS = {
+    "zero": "zeros", "margin": "zeros", "largest": "zeros", "high": "zeros", "bound": "zeros", "way": "states",
+    "known": "bounded", "supposed": "relations", "early": "relations", "changed": "discrete", "flipped": "discrete",
+    "moved": "states",
+}  # fmt: skip
+_HOOKS = ("look", "widen", "bounds", "others", "regular")
+
+
+class _View(ctypes.Structure):
+    """``lmoc_view``."""
+
+    _fields_ = [
+        ("w", ctypes.c_void_p), ("tape", ctypes.c_void_p), ("blocks", ctypes.c_int64), ("seen", ctypes.c_int64),
+        *[(name, ctypes.c_void_p) for name in ("block", "states", "given", "zero", "from_", "to")],
+    ]  # fmt: skip
+
+
+class _Instant(ctypes.Structure):
+    """``lmoc_instant``."""
+
+    _fields_ = [
+        *[(name, ctypes.c_int64) for name in ("states", *COUNTED)],
+        *[(name, ctypes.c_void_p) for name in (*TABLES, "assign", "lines", "v", "line", *_NUMBERS, "history")],
+        *[(name, ctypes.c_void_p) for name in ("near", "found")],
+        *[(name, ctypes.c_int64) for name in ("found_count", "literal", "supposing", "jumped", "bound_known")],
+        *[(name, ctypes.c_double) for name in ("time", "bound_time", "bound_size")],
+        ("owner", ctypes.c_void_p),
+        *[(name, ctypes.c_void_p) for name in _HOOKS],
+        ("move", ctypes.c_void_p),
+    ]
+
+
+class Instant:
+    """The memory of the discrete equations.
+
+    Parameters
+    ----------
+    tables : by name, as in ``lmoc_instant``
+    states : how many
+    programs : the discrete equations, over the places of the tables, and the relations of time
+
+    Attributes
+    ----------
+    v : the memory of `assign`
+    zero, margin, … : arrays as of ``lmoc_instant``; what C and Python write is the same memory
+    """
+
+    zero: np.ndarray
+    margin: np.ndarray
+    largest: np.ndarray
+    bound: np.ndarray
+    way: np.ndarray
+    supposed: np.ndarray
+    early: np.ndarray
+    changed: np.ndarray
+    flipped: np.ndarray
+    moved: np.ndarray
+
+    def __init__(self, tables: Mapping[str, np.ndarray], states: int, programs: tuple[Tape, Tape]) -> None:
+        assign, lines = map(Kernel, programs)
+        counts = {"states": states, **{name: len(tables[column]) for name, column in COUNTED.items()}}
+        self._tables = [np.ascontiguousarray(tables[name], np.int32) for name in TABLES]
+        numbers = {name: np.zeros(counts[size]) for name, size in _NUMBERS.items()}
+        for name, array in numbers.items():
+            setattr(self, name, array)
+        self.v, self._line = assign.w, lines.w
+        self.history = np.empty((_HISTORY, counts["discrete"]))
+        self._near, self._found = np.zeros(counts["zeros"], np.uint8), np.zeros(counts["told"], np.int64)
+        lined = lines if len(tables["slope"]) else None
+        self.data = _Instant(
+            *counts.values(), *(t.ctypes.data for t in self._tables), assign.addresses[1],
+            None if lined is None else lined.addresses[1], self.v.ctypes.data, lines.w.ctypes.data,
+            *(a.ctypes.data for a in numbers.values()), self.history.ctypes.data, self._near.ctypes.data,
+            self._found.ctypes.data, widen=address("lmoc_widen"),
+        )  # fmt: skip
+        self.reference = ctypes.byref(self.data)
+        self._kept: list[object] = [assign, lines]
+        self._library = library()
+        self._failed: BaseException | None = None
+        self.roots = int(self._library.lmoc_roots(self.reference))
+
+    # ------------------------------------------------------------------ who is asked
+
+    def fill(self, values: np.ndarray) -> None:
+        """Take the first values of the memory."""
+        self.v[: len(values)] = self._line[: len(values)] = values
+
+    def view(self, tape: Tape, states: np.ndarray, given: np.ndarray, zero: np.ndarray, seen: np.ndarray) -> Kernel:
+        """Look by a program: registers of states, of discrete values and zero functions; (2, k) of what is seen."""
+        kernel = Kernel(tape)
+        tables = [np.ascontiguousarray(t, np.int32) for t in (states, given, zero, *seen)]
+        blocks = len(kernel.tape.blocks), ctypes.addressof(kernel.blocks)
+        own = _View(*kernel.addresses, blocks[0], seen.shape[1], blocks[1], *(t.ctypes.data for t in tables))
+        self._kept += [kernel, tables, own]
+        self.data.owner, self.data.look = ctypes.addressof(own), address("lmoc_look_at")
+        return kernel
+
+    def ask(self, name: str, hook: Callable[[float, np.ndarray], bool]) -> None:
+        """Have a function of time and states answer; whether it has one."""
+        states = self.data.states
+
+        def call(_: int, time: float, x: int) -> int:
+            return self._answer(lambda: hook(time, _array(x, states)))
+
+        self._kept.append(one := _HOOK(call))
+        setattr(self.data, name, ctypes.cast(one, ctypes.c_void_p).value)
+
+    def ask_to_move(self, hook: Callable[[np.ndarray, int, float, np.ndarray], bool]) -> None:
+        """Have a function of states, the number of a `reinit`, its value and the states behind it change these."""
+        states = self.data.states
+
+        def call(_: int, x: int, reinit: int, wanted: float, moved: int) -> int:
+            return self._answer(lambda: hook(_array(x, states).copy(), reinit, wanted, _array(moved, states)))
+
+        self._kept.append(one := _MOVE(call))
+        self.data.move = ctypes.cast(one, ctypes.c_void_p).value
+
+    def _answer(self, work: Callable[[], bool]) -> int:
+        """Keep what is raised until C has come back."""
+        try:
+            return SETTLED if work() else UNSETTLED
+        except BaseException as raised:
+            self._failed = raised
+            return HALTED
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Call a C function, with arrays by their places; what it has raised in Python is raised."""
+        given = [np.ascontiguousarray(a) if isinstance(a, np.ndarray) else a for a in arguments]
+        plain = [a.ctypes.data if isinstance(a, np.ndarray) else a for a in given]
+        found = getattr(self._library, name)(self.reference, *plain)
+        if self._failed is not None:
+            raised, self._failed = self._failed, None
+            raise raised
+        return found
+
+    def told(self) -> list[int]:
+        """Return what is to be told of the last event, in order."""
+        found: list[int] = self._found[: self.data.found_count].tolist()
+        return found
+
+
+def _array(place: int | None, count: int) -> np.ndarray:
+    """Return memory of C as an array."""
+    if not count or place is None:
+        return np.zeros(0)
+    return np.ctypeslib.as_array((ctypes.c_double * count).from_address(place))
