@@ -268,3 +268,11 @@ def test_a_flat_place_between_two_solutions_is_none():
     lever = "model M Lever l(l1 = 1, l2 = 1); Force f(f = 1); equation connect(l.a, f.flange); end M;"
     with pytest.raises(lmoc.ModelError, match="E0535"):
         lmoc.compile_text(lever).check()
+
+
+@pytest.mark.parametrize(("declared", "told"), [("P.T x", []), ("P.T x(start = 5)", ["W0533"])])
+def test_a_guess_of_a_type_that_is_not_met_is_no_news(declared, told):
+    run = lmoc.compile_text(f"""package P type T = Real(start = 288); end P;
+      model M Real s(start = 1, fixed = true); {declared}; equation der(s) = -s; x = 2*s; end M;""",
+      model="M").simulate(stop=1)  # fmt: skip
+    assert (run["x"][0], [n.code for n in run.notes]) == (2.0, told)

@@ -140,6 +140,7 @@ class Assignments:
     slots: np.ndarray  # (n, columns) variable indices
     span: Span | None = None
     numbers: np.ndarray | None = None  # (n,) the right-hand sides where they are plain numbers; the shape is then NaN
+    of_type: bool = False  # a start that a type of a package gives: nobody has said it of this variable
 
     def values(self, known: np.ndarray, time: float = np.nan) -> np.ndarray:
         """The right-hand sides as an array (n,), given the values of all variables.

@@ -190,7 +190,7 @@ class Assembler:
         result = []
         for d in drafts:
             target = np.atleast_1d(np.asarray(d.target, INDEX)) + d.variable.offset
-            result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span))
+            result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span, of_type=d.of_type))
         return result
 
     def checks(self, drafts: Sequence[CheckDraft]) -> list[Check]:

@@ -49,6 +49,7 @@ class AssignmentDraft:
     columns: tuple[Column, ...]
     span: Span | None
     library: bool = False
+    of_type: bool = False
 
     @property
     def rows(self) -> int:

@@ -248,7 +248,8 @@ def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str
         rows = list(rows)
         _require_constant(rows, variable, binding, f"'{name}'", False)
         into = {"start": drafts.starts, "nominal": drafts.nominals, "fixed": drafts.fixed}[name]
-        into += [AssignmentDraft(variable, *row, span, binding.scope.library) for row in rows]
+        of_type = binding.node is None  # it is written in no part, but in a package
+        into += [AssignmentDraft(variable, *row, span, binding.scope.library, of_type) for row in rows]
     elif name == "unit":
         variable.unit = _text(model, variable, name, binding)
     elif name == "stateSelect":
