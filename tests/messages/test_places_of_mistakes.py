@@ -67,17 +67,15 @@ def test_a_signal_of_the_model_is_marked_where_it_is_declared():
 def test_the_round_of_a_loop_is_named(loop):
     text = f"""\
 model Loop
-  Spring s[20](each k = 1);
-  Fixed wall;
+  Mass m[20](each m = 1);
 equation
-  connect(wall.flange, s[2].a);
   for i in {loop} loop
-    connect(s[2].a, s[i].a);
+    connect(m[2].flange, m[i].flange);
   end for;
 end Loop;
 """
-    (found,) = (d for d in diagnostics(text) if d.severity == "error")
-    assert (found.code, found.span.line, found.found) == ("E0314", 7, "i = 2")
+    (found,) = (d for d in lmoc.compile_text(text).simulate(stop=0.1).notes if d.code == "W0314")
+    assert (found.span.line, found.found) == (5, "i = 2")
 
 
 @pytest.mark.parametrize(("value", "shown"), [("1/0", "inf"), ("1/b", "inf"), ("sqrt(b - 1)", "nan"), ("b/0", "nan")])

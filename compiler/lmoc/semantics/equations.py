@@ -300,9 +300,10 @@ class EquationSection:
             raise sizes_differ("the ends of a connect", left_dims, right_dims, e.span)
         shape = context.space.shape + left_dims
         pair = [_spread_rows(i, shape) for i in (left_index, right_index)]
-        if left is right and np.any(pair[0] == pair[1]):
+        if left is right and np.any(pair[0] == pair[1]) and not self.topology_only:
             found = _round(context, int(np.flatnonzero(pair[0] == pair[1])[0]) // prod(left_dims))
-            raise Wrong("E0314", f"'{e.left}' is connected to itself", e.span, found=found)
+            context.model.report.warning("W0314", f"'{e.left}' is connected to itself", e.span, found=found,
+                                         hint="this joins nothing: perhaps another one is meant")  # fmt: skip
         self.drafts.connects.append(ConnectDraft(left, pair[0], right, pair[1], self.node, e.span))
 
     def _end(self, context: Context, ref: tree.Ref) -> tuple[Instance | Variable, object, tuple[int, ...]] | None:

@@ -319,9 +319,9 @@ SEMANTICS: dict[str, Entry] = {
         "A connect reaches the ports of the parts declared in the same class, and the class's own ports. To reach\n"
         "further inside, the part needs a port of its own.",
     ),
-    "E0314": Entry(
+    "W0314": Entry(
         "connected to itself",
-        "Both ends of a connect are the same port. One of them is probably meant to be another one.",
+        "Both ends of a connect are the same port, which joins nothing. One of them is probably meant to be another.",
     ),
     "E0315": Entry(
         "two signals in one connection",
