@@ -276,3 +276,10 @@ def test_a_guess_of_a_type_that_is_not_met_is_no_news(declared, told):
       model M Real s(start = 1, fixed = true); {declared}; equation der(s) = -s; x = 2*s; end M;""",
       model="M").simulate(stop=1)  # fmt: skip
     assert (run["x"][0], [n.code for n in run.notes]) == (2.0, told)
+
+
+def test_what_has_no_value_at_the_first_guess_follows_when_the_others_have():
+    """A temperature is heat over mass: 0/0 until the tank is filled."""
+    run = lmoc.compile_text("""model M Real level(start = 0.5, fixed = true), T(start = 313, fixed = true), m, H;
+      equation m = 1000*level; der(m) = -100; H = 4000*m*T; der(H) = -100*4000*T; end M;""").simulate(stop=1)
+    assert (run["H"][0], run["T"][-1]) == (pytest.approx(4000 * 500 * 313), pytest.approx(313))

@@ -73,11 +73,12 @@ def descend(system: StartSystem, components: Components, x: np.ndarray, radius: 
     ----------
     radius : how long the first step may be
     """
-    x, before = x.copy(), np.inf
+    x, before, whole = x.copy(), np.inf, False
     for _ in range(_ITERATIONS):
-        residual, jacobian = system.evaluate(x)
-        if not (np.isfinite(residual).all() and np.isfinite(jacobian[2]).all()):
+        residual, jacobian, lost = _without_lost(*system.evaluate(x))
+        if lost.any() and (whole or lost.all()):
             break
+        whole = not lost.any()
         step = components.step(jacobian, residual, x)
         size, length = 1.0 + np.abs(x).max(initial=0.0), np.abs(step).max(initial=0.0)
         step *= min(1.0, radius / max(length, 1e-300))
@@ -91,11 +92,23 @@ def descend(system: StartSystem, components: Components, x: np.ndarray, radius: 
     return _ended(system, x)
 
 
+def _without_lost(residual: np.ndarray, jacobian) -> tuple[np.ndarray, tuple, np.ndarray]:
+    """Residuals and Jacobian with zeros for rows without a finite value, and which these are.
+
+    A temperature is 0/0 in an empty tank: once the others have filled it, it has a value.
+    """
+    rows, columns, values = jacobian
+    lost = ~np.isfinite(residual)
+    lost[rows[~np.isfinite(values)]] = True
+    return np.where(lost, 0.0, residual), (rows, columns, np.where(lost[rows], 0.0, values)), lost
+
+
 def _shortened(system: StartSystem, x: np.ndarray, step: np.ndarray, weight: np.ndarray, worst: float) -> float:
     """The share of a step after which the fixed values are not worse than before."""
     factor = 1.0
     for _ in range(_HALVINGS):
-        if np.linalg.norm(weight * system.evaluate(x + factor * step)[0]) <= max(worst, _MET):
+        residual = np.where(weight > 0, system.evaluate(x + factor * step)[0], 0.0)
+        if np.linalg.norm(weight * residual) <= max(worst, _MET):
             break
         factor /= 2
     return factor
