@@ -234,6 +234,8 @@ def equalities(connections: Connections, kinds: np.ndarray) -> list[Group]:
     for ends in (b, a):
         connect[ends[::-1]] = by_place[::-1]
     rows = np.flatnonzero(nodes != root)
+    if not len(rows):
+        return []  # connected to themselves
     key = (connect[rows] * 8 + kinds[nodes[rows]]) * 8 + kinds[root[rows]]
     order = np.argsort(key, kind="stable")
     rows, key = rows[order], key[order]
