@@ -133,11 +133,15 @@ class Kernel:
         """
         for block in self.blocks[: len(self.tape.blocks)]:
             block.ready = 0
-            if block.lu:
-                self._library.lmoc_lu_forget(block.lu)
+        self._forget_pivots()
         for call in self._calls.values():
             call.solved = call.marked = 0
         self.seed()
+
+    def _forget_pivots(self) -> None:
+        for block in self.blocks[: len(self.tape.blocks)]:
+            if block.lu:
+                self._library.lmoc_lu_forget(block.lu)
 
     def seed(self) -> None:
         """Put guesses in the place of unknowns that have no value."""
@@ -173,8 +177,12 @@ class Kernel:
         return not self._library.lmoc_evaluate(call.reference, time, x.ctypes.data)
 
     def evaluate_near(self, call: Call, time: float, x: np.ndarray) -> bool:
-        """The same on the branch of the solutions that stand in the registers, whatever the last ones were."""
+        """The same on the branch of the solutions that stand in the registers, whatever the last ones were.
+
+        Pivots are selected for this place: near a singular one, those of another lose digits with each loop in a row.
+        """
         given, memory = call.tables[0][0], call.tables[1]
+        self._forget_pivots()
         self._last[0], self.w[given] = 0, x
         if self(time):
             return False
