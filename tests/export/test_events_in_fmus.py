@@ -167,6 +167,19 @@ def test_event_indicators_and_event_mode_by_hand(made) -> None:
     fmu.freeInstance()
 
 
+def test_no_ball_falls_through_its_floor(made) -> None:
+    """Its bounces are over after 9·√(2/9.81) s, about 4.06 s: there is no motion to be told behind that."""
+    from fmpy.fmi1 import FMICallException
+
+    fmu, _ = instance(made["Ball"][1])
+    begin(fmu)
+    with pytest.raises(FMICallException):
+        for k in range(12):
+            fmu.doStep(0.5 * k, 0.5)
+    assert 0.5 * k <= 9 * np.sqrt(2 / 9.81) < 0.5 * (k + 1)
+    fmu.freeInstance()
+
+
 def test_the_instants_of_samples_are_told(made) -> None:
     fmu, references = instance(made["Room"][1], "ModelExchange")
     fmu.setReal([references["period"]], [0.7])

@@ -143,7 +143,7 @@ def _sources(fmi: int) -> dict[str, str]:
     """Return the C files of an FMU that are the same for all scenes."""
     own, engine = Path(__file__).with_name("c"), Path(__file__).parents[1] / "engine" / "c"
     files = [engine / f"{n}.c" for n in _ENGINE] + [engine / f"{n}.h" for n in _HEADERS]
-    files += [own / f"{n}.c" for n in ("fmu", "discrete", "events", "roots")]
+    files += [own / f"{n}.c" for n in ("fmu", "discrete", "events", "hops", "roots")]
     files += [own / "fmu.h", own / "discrete.h", own / "fmi.h", own / f"fmi{fmi}.c"]
     return {f.name: f.read_text(encoding="utf-8") for f in files}
 

@@ -5,7 +5,7 @@
 
 #include <stdio.h>
 
-static const double MOMENT = 1e-9, SHORTLY = 1e-6, LEAST = 0x1p-500;
+static const double MOMENT = 1e-9, LEAST = 0x1p-500;
 enum { START_ROUNDS = 50 };
 
 /* ------------------------------------------------------------------ reinit */
@@ -172,23 +172,10 @@ static int event(fmu *f, int due, double instant, const double *which, const dou
 }
 
 /* Let conditions at zero change back where the jump of states sends them to the side they came from. */
-static int come_back(fmu *f, const double *which) {
-  lmoc_instant *e = &f->e;
-  const int64_t n = f->model->states;
-  const double since = f->now.time - f->now.last_event, shortly = SHORTLY * since;
-  double *x = f->moved, *back = f->back;
+static int come_back(fmu *f, const double *which, const double *at) {
   int some = 0;
-  f->now.last_event = f->now.time;
-  if (!(since > 0) || lmoc_take(e, f->now.time, f->x)) return FMU_GOOD;
-  for (int64_t i = 0; i < n; i++) x[i] = f->x[i] + shortly * f->w[RIGHT][f->model->derivative[i]];
-  if (fmu_look(f, f->now.time + shortly, x)) return FMU_GOOD;
-  for (int64_t k = 0; k < e->zeros; k++) {
-    const double ahead = fmu_value(f, k);
-    back[k] = which[k] != 0 && !lmoc_rounded(e, k) && fabs(e->zero[k]) < e->margin[k] && fabs(ahead) > e->margin[k] &&
-              (ahead > 0) != (e->v[e->target[e->of_zero[k]]] > 0);
-    some |= back[k] != 0;
-  }
-  return some ? event(f, 0, f->now.time, 0, back) : FMU_GOOD;
+  const int found = fmu_turned_back(f, which, at, f->back, &some);
+  return found ? found : some ? event(f, 0, f->now.time, 0, f->back) : FMU_GOOD;
 }
 
 int fmu_happen(fmu *f) {
@@ -199,12 +186,16 @@ int fmu_happen(fmu *f) {
   int some = 0, found;
   f->now.jumped = 0;
   if (f->now.ended || !f->e.discrete) return FMU_GOOD;
-  if ((found = crossed(f, which)) || (found = chatters(f, which))) return found;
+  if ((found = crossed(f, which)) || (found = chatters(f, which)) || (found = fmu_wrong_way(f, which))) return found;
+  if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
+  double *at = f->ways + 3*f->model->states;
+  memcpy(f->before, f->x, f->model->states * sizeof(double));
+  for (int64_t k = 0; k < f->e.zeros; k++) at[k] = fmu_value(f, k);
   if ((found = event(f, due, instant, which, 0))) return found;
   f->now.next = lmoc_next_time(&f->e, instant, 0);
   for (int64_t k = 0; k < f->e.zeros; k++) some |= which[k] != 0;
   if (some) lmoc_leave_zero(&f->e, which);
-  if (some && f->now.jumped && (found = come_back(f, which))) return found;
+  if (some && f->now.jumped && (found = come_back(f, which, at))) return found;
   f->now.last_instant = t;
   if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
   lmoc_mark(&f->call);
@@ -261,7 +252,7 @@ int fmu_begin(fmu *f, int for_good) {
   fmu_changed(f);
   if (!for_good) return FMU_GOOD;
   f->now.begun = 1;
-  f->now.last_event = f->now.last_instant = t;
+  f->now.last_instant = t;
   f->now.next = lmoc_next_time(e, t, 1);
   return f->now.next <= t + lmoc_near_to(t) ? fmu_happen(f) : FMU_GOOD;
 }

@@ -48,6 +48,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(e.high, i->zeros);
   TAKE(e.early, i->relations);
   TAKE(times, i->zeros * FMU_CHATTER);
+  TAKE(home, i->zeros);
   TAKE(warned, e->watched);
   f->doubles = total;
   TAKE(work, 32*m->states + 4);
@@ -61,6 +62,8 @@ static int64_t place_memory(fmu *f) {
   TAKE(flags, 2*e->size);
   TAKE(which, i->zeros);
   TAKE(back, i->zeros);
+  TAKE(before, m->states);
+  TAKE(ways, 3*m->states + 5*i->zeros);
   double *scratch;
   scratch = at ? at + total : 0, total += i->zeros + i->told;
   f->chosen = (int64_t *)scratch;
@@ -94,7 +97,7 @@ void fmu_reset(fmu *f) {
   const fmu_model *m = f->model;
   const int co_simulation = f->now.co_simulation;
   f->now = (fmu_scalars){.time = m->start_time, .begin = m->start_time, .rtol = m->tolerance, .phase = FMU_FRESH,
-                         .co_simulation = co_simulation, .stale = 1, .next = INFINITY, .last_event = m->start_time};
+                         .co_simulation = co_simulation, .stale = 1, .next = INFINITY};
   memset(f->memory, 0, f->doubles * sizeof(double));
   memcpy(f->p, m->parameter_start, m->parameters * sizeof(double));
   memcpy(f->x, m->start, m->states * sizeof(double));

@@ -90,7 +90,7 @@ typedef void (*fmu_tell)(void *own, const char *text);
 
 typedef struct {
   double time, begin, wish, rtol, call_time, marked_time;
-  double next, last_event, last_instant;  /* s: the next time event, the last one after which states jumped, any */
+  double next, last_instant;              /* s: the next time event, the last one */
   int64_t solved, marked, first_break;
   int32_t phase, co_simulation, stale, evaluated, observed, judged;
   int32_t settled, begun, ended;          /* discrete values agree; those of the start are past; the model has ended */
@@ -108,8 +108,9 @@ typedef struct fmu {
   /* one piece of memory, then scratch */
   double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
   double *times;                                /* (zeros, FMU_CHATTER) s, when each has crossed zero */
+  double *home;                                 /* (zeros,) s, before which one that has left zero is not back */
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
-  double *work, *noise, *moved, *root, *flags, *which, *back;
+  double *work, *noise, *moved, *root, *flags, *which, *back, *before, *ways;
   int64_t *chosen;
   int64_t doubles, pivot_count;
   int32_t *pivots;

@@ -215,12 +215,12 @@ class EventHandler:
             crossed, upwards = self._crossed(outcome.roots)
             self._crossings.cross(self.layout, t, crossed)
             notice_wrong_ways(self.discrete, self._crossings, outcome, crossed)
-            off = np.abs(self.discrete.zeros(np.array([t]), x[None])[0])
+            at = self.discrete.zeros(np.array([t]), x[None])[0]
             which = np.zeros(self.layout.zero_count)
             which[crossed] = np.where(upwards, 2.0, 1.0)
             behind = self._event(t, x, "when", lambda: self.discrete.turn(which))
             self.discrete.crossed(which)
-            return behind if behind is x else self._leave(outcome, behind, crossed, off)
+            return behind if behind is x else self._leave(outcome, behind, crossed, at)
         if t >= self.next - near_to(t):
             return self._event(t, x, "time")
         if self.layout.events.terminal >= 0 and self.discrete.v[self.layout.events.terminal] == 0:
@@ -238,9 +238,9 @@ class EventHandler:
         """Return the next time event where it is as near to a time as that, else the time."""
         return self.next if abs(self.next - t) <= near else t
 
-    def _leave(self, outcome: Outcome, x: np.ndarray, crossed: np.ndarray, off: np.ndarray) -> np.ndarray:
+    def _leave(self, outcome: Outcome, x: np.ndarray, crossed: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Let conditions at zero change back where the jump of states sends them to the side they came from."""
-        back = turned_back(self.discrete, self._crossings, outcome, x, crossed, off)
+        back = turned_back(self.discrete, self._crossings, outcome, x, crossed, at)
         if not len(back):
             return x
 

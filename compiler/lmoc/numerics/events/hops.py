@@ -18,7 +18,7 @@ _STOPPED = 1e-3  # of the speed with which a function has come to zero, below wh
 
 
 def turned_back(
-    discrete: DiscreteState, crossings: Crossings, outcome: Outcome, x: np.ndarray, crossed: np.ndarray, off: np.ndarray
+    discrete: DiscreteState, crossings: Crossings, outcome: Outcome, x: np.ndarray, crossed: np.ndarray, at: np.ndarray
 ) -> np.ndarray:
     """Return the functions that leave zero at once, and note when they are back and by what their zeros are off.
 
@@ -26,7 +26,7 @@ def turned_back(
     ----------
     outcome : of the segment that has ended where they crossed zero
     x : states behind the jump
-    off : (zeros,) how far from zero the functions were where they crossed it
+    at : (zeros,) the functions where they crossed zero, before the jump
 
     Raises
     ------
@@ -37,7 +37,8 @@ def turned_back(
     discrete.push()
     discrete.look(t, x)
     near = crossed[~layout.rounded[crossed]]
-    near = near[np.abs(discrete.zero[near]) <= np.fmax(discrete.margin, 2.0 * off)[near]]
+    zero, off = discrete.zero[near], np.abs(at)
+    near = near[(np.abs(zero) <= discrete.margin[near]) | (2.0 * np.abs(zero - at[near]) <= off[near])]
     if not len(near) or not t > crossings.before(near):
         return near[:0]
     ways = _ways(discrete, crossings, outcome, x, near)

@@ -83,10 +83,10 @@ export class EventHandler {
       const crossed = [...own.zeros.keys()].filter((k) => roots[k] || above.has(k));
       this.noticeChatter(t, crossed);
       discrete.look(t, x);
-      const off = new Map(crossed.map((k) => [k, Math.abs(discrete.zero(k))]));
+      const at = new Map(crossed.map((k) => [k, discrete.zero(k)]));
       const behind = this.event(t, x, "when", () => this.turn(crossed, above));
       discrete.crossed(crossed);
-      return behind === x ? behind : this.leave(t, x, behind, crossed, off);
+      return behind === x ? behind : this.leave(t, x, behind, crossed, at);
     }
     if (t >= this.next - nearTo(t)) return this.event(t, x, "time");
     if (own.terminal >= 0 && this.scene.w[own.terminal] === 0) return this.event(t, x, "terminal");
@@ -107,11 +107,13 @@ export class EventHandler {
    * Let conditions at zero change back where the jump of states sends them to the side they came from. Where the way back
    * is too short to be told from none, the run ends: a ball would go on through its floor.
    */
-  leave(t, before, x, crossed, off) {
+  leave(t, before, x, crossed, at) {
     const { discrete, own, scene } = this;
     discrete.look(t, x);
     const near = crossed.filter((k) => {
-      return !own.rounded[k] && Math.abs(discrete.zero(k)) <= Math.max(discrete.margin[k], 2 * off.get(k));
+      const now = discrete.zero(k);
+      const stays = Math.abs(now) <= discrete.margin[k] || 2 * Math.abs(now - at.get(k)) <= Math.abs(at.get(k));
+      return !own.rounded[k] && stays;
     });
     const since = t - Math.max(...near.map((k) => this.times.get(k).at(-2) ?? this.begin));
     if (near.length === 0 || !(since > 0)) return x;
@@ -123,7 +125,7 @@ export class EventHandler {
     near.forEach((k, i) => {
       const { slope, height } = now[i];
       if (slope === 0 || slope > 0 === isUp(k)) return;
-      const place = Math.max(2 * off.get(k), Math.abs(slope) * nearTo(t));
+      const place = Math.max(2 * Math.abs(at.get(k)), Math.abs(slope) * nearTo(t));
       const moves = Math.abs(slope) > Math.max(noise / short, STOPPED * Math.abs(past[i].slope));
       if (height > SEEN * Math.max(place, noise)) {
         back.push(k);
