@@ -370,7 +370,8 @@ def _independent(jacobian: np.ndarray, share: float) -> tuple[np.ndarray, dict[i
     unit = in_rows_of_length_one(jacobian)
     if surely_independent(unit, share):
         return np.arange(len(unit)), {}
-    left, open_ = unit.copy(), unit.any(axis=1)
+    left = unit.copy()
+    open_: np.ndarray = unit.any(axis=1)
     kept: list[int] = []
     while open_.any():
         length = np.where(open_, np.linalg.norm(left, axis=1), 0.0)

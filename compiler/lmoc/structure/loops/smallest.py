@@ -27,7 +27,8 @@ def smallest_step(jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
         return found
     row, column = np.nonzero(jacobian)
     entries = row, column, jacobian[row, column]
-    return jacobian.T @ multipliers(entries, jacobian.shape, np.ones(jacobian.shape[1]), right, DAMPING)
+    shortest: np.ndarray = jacobian.T @ multipliers(entries, jacobian.shape, np.ones(jacobian.shape[1]), right, DAMPING)
+    return shortest
 
 
 def damped_step(jacobian: np.ndarray, residual: np.ndarray, damping: float) -> np.ndarray:
