@@ -1,4 +1,4 @@
-"""What `lmoc run` imports: the engine, and neither casadi nor scipy, in smooth and in hybrid scenes."""
+"""What `lmoc run` imports: the engine, no older one, and neither casadi nor scipy, in smooth and hybrid scenes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import sys
 
 import pytest
 from conftest import ROOT
+
+import lmoc.engine.library as library_module
 
 SCENES = {
     "smooth": "notes/ex02_spring_mass_damper",
@@ -30,3 +32,10 @@ def test_a_run_imports_neither_casadi_nor_scipy(scene):
     command = [sys.executable, "-c", SCRIPT, str(ROOT / f"models/{scene}.lmo")]
     found = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert found.splitlines()[-1] == "HEAVY"
+
+
+def test_an_engine_built_from_other_sources_is_refused(monkeypatch):
+    """Not only the function is missing: what the others work on has another layout."""
+    monkeypatch.setitem(library_module._FUNCTIONS, "lmoc_of_tomorrow", (None, []))
+    with pytest.raises(ImportError, match="built from other sources, install lmoc again"):
+        library_module.library.__wrapped__()

@@ -78,9 +78,11 @@ def library() -> ctypes.CDLL:
     built = import_module("lmoc.engine._engine")
     loaded = ctypes.CDLL(built.__file__)
     for name, (result, arguments) in _FUNCTIONS.items():
-        function = getattr(loaded, name, None)
-        if function is None:  # built from older sources: a call says what it lacks, all else works
-            continue
+        try:
+            function = getattr(loaded, name)
+        except AttributeError:  # its structures are others, too
+            text = f"lmoc's engine has no {name}: it was built from other sources, install lmoc again"
+            raise ImportError(text) from None
         function.restype, function.argtypes = result, arguments
     return loaded
 

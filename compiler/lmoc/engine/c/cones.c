@@ -17,6 +17,7 @@
 #include <string.h>
 
 #include "complementarity.h"
+#include "dense.h"
 
 static const double NO_ENTRY = 1e-12;  /* `numerics/limits.py` */
 enum { MOST_PIVOTS = 50 };             /* a row of the table */
@@ -45,18 +46,6 @@ static int64_t least_ratio(const double *table, int64_t n, int64_t entering, int
   return able[0];
 }
 
-/* Bring the entering column into the basis at a row. */
-static void exchange(double *table, int64_t n, int64_t row, int64_t entering) {
-  const int64_t width = 2*n + 2;
-  double *own = table + row*width;
-  const double pivot = own[entering];
-  for (int64_t j = 0; j < width; j++) own[j] /= pivot;
-  for (int64_t i = 0; i < n; i++) {
-    const double f = table[i*width + entering];
-    if (i != row && f != 0) for (int64_t j = 0; j < width; j++) table[i*width + j] -= f * own[j];
-  }
-}
-
 /* Rows that an entering column pushes towards zero. */
 static int64_t those_able(const double *table, int64_t n, int64_t entering, int64_t *able) {
   const int64_t width = 2*n + 2;
@@ -76,7 +65,7 @@ static int pivots(double *table, int64_t n, int64_t *basis, int64_t *able) {
     if (table[i*width + width - 1] < table[row*width + width - 1]) row = i;
   for (int64_t step = 0; step < MOST_PIVOTS*n; step++) {
     const int64_t leaving = basis[row];
-    exchange(table, n, row, entering);
+    lmoc_dense_eliminate(n, 2*n + 2, table, row, entering);
     basis[row] = entering;
     if (leaving == 2*n) return LMOC_SOLVED;
     entering = leaving < n ? leaving + n : leaving - n;

@@ -78,6 +78,16 @@ int lmoc_dense_inverse(int64_t n, double *a, int32_t *pivots, double worst, doub
   return size * norm(n, inverse) < worst;
 }
 
+void lmoc_dense_eliminate(int64_t rows, int64_t width, double *table, int64_t row, int64_t column) {
+  double *own = table + row*width;
+  const double pivot = own[column];
+  for (int64_t j = 0; j < width; j++) own[j] /= pivot;
+  for (int64_t i = 0; i < rows; i++) {
+    const double f = table[i*width + column];
+    if (i != row && f != 0) for (int64_t j = 0; j < width; j++) table[i*width + j] -= f * own[j];
+  }
+}
+
 static void rotate(int64_t n, double *a, int64_t p, int64_t q, double cosine, double sine) {
   for (int64_t i = 0; i < n; i++) {
     const double kept = a[i*n + p];

@@ -14,6 +14,9 @@ void lmoc_dense_substitute(int64_t n, const double *a, const int32_t *pivots, in
 /* The inverse of a matrix whose condition is below `worst`: 0 where it is not. `a` is overwritten. */
 int lmoc_dense_inverse(int64_t n, double *a, int32_t *pivots, double worst, double *inverse);
 
+/* Make a column of a table that of a unit matrix, with 1 in a row. */
+void lmoc_dense_eliminate(int64_t rows, int64_t width, double *table, int64_t row, int64_t column);
+
 /* Singular values, and the vectors v; `u`, which is the matrix before, gets columns as long as these values. */
 void lmoc_singular_values(int64_t n, double *u, double *v, double *values);
 

@@ -1,6 +1,7 @@
 /* Gauss-Jordan elimination in the derivatives of gaps and rates: the way back onto them, and velocities that they hold. */
 
 #include "manifold.h"
+#include "dense.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -37,13 +38,7 @@ static void eliminate(int64_t count, int64_t width, double *work, double *scale,
           column = j;
         }
     if (row < 0) return;
-    double *own = work + row*width;
-    const double pivot = own[column];
-    for (int64_t j = 0; j < width; j++) own[j] /= pivot;
-    for (int64_t i = 0; i < count; i++) {
-      const double f = work[i*width + column];
-      if (i != row && f != 0) for (int64_t j = 0; j < width; j++) work[i*width + j] -= f * own[j];
-    }
+    lmoc_dense_eliminate(count, width, work, row, column);
     chosen[row] = column;
   }
 }
