@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import lmoc
 from lmoc.numerics.signals.curves import fit
@@ -25,7 +26,7 @@ def test_a_table_spring_follows_the_monotone_curve_and_its_energy_is_the_work():
     extension = run.time * 0.9 - 0.45
     assert run["p.extension"] == pytest.approx(extension, abs=1e-14)
     curve = fit(*ROWS.T, 1)
-    slopes = run["p.slope"][0]
+    slopes = [run[f"p.pieces[{k},3]"][0] for k in (1, len(ROWS) + 1)]
     expected = curve(np.clip(extension, *ROWS[[0, -1], 0]))
     expected += slopes[0] * np.minimum(extension - ROWS[0, 0], 0) + slopes[-1] * np.maximum(extension - ROWS[-1, 0], 0)
     assert run["p.f"] == pytest.approx(expected, abs=1e-10)
@@ -130,13 +131,28 @@ def test_the_rate_of_a_curve_at_its_points():
     run = lmoc.compile_text("""
       model Curve
         parameter Real table[4, 2] = {{0, 0}, {1, 2}, {2, 5}, {3, 9}};
-        parameter Real s[4] = Tables.slopes(table);
+        parameter Real pieces[5, 5] = Tables.pieces(table, Tables.slopes(table));
+        parameter Real areas[5] = Tables.areas(pieces);
         Real x(start = -0.5, fixed = true);
-        Real rates[2] = {der(Tables.value(table, s, x)), der(Tables.integral(table, s, x))};
-        Real values[2] = {Tables.slope(table, s, x), Tables.value(table, s, x)};
+        Real rates[2] = {der(Tables.value(pieces, x)), der(Tables.integral(pieces, areas, x))};
+        Real values[2] = {Tables.slope(pieces, x), Tables.value(pieces, x)};
       equation
         der(x) = 1;
       end Curve;""").simulate(stop=4, points=17)
     assert run["x"][2] == 0.0 and run["rates[1]"][2] == 1.5
     for k in (1, 2):
         assert run[f"rates[{k}]"] == pytest.approx(run[f"values[{k}]"], abs=1e-12)
+
+
+@pytest.mark.parametrize("count", [2, 3, 7])
+@pytest.mark.parametrize("closed", [False, True])
+def test_slopes_of_a_cubic_spline(count, closed):
+    rng = np.random.default_rng(count)
+    x, y = np.cumsum(rng.uniform(0.2, 2, count)), rng.normal(size=count)
+    y[-1] = y[0] if closed else y[-1]
+    table = text(np.column_stack([x, y]))
+    scene = f"model M parameter Tables.Spline c(table = {table}, closed = {str(closed).lower()}); Real z = c.s[1]; end M;"
+    dae = lmoc.compile_text(scene)
+    run = dae.simulate(stop=1)
+    truth = CubicSpline(x, y, bc_type="periodic" if closed else "natural")(x, 1)
+    assert [run[f"c.s[{k + 1}]"][0] for k in range(count)] == pytest.approx(truth, abs=1e-12)
