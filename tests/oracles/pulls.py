@@ -10,6 +10,10 @@ from lmoc.view.page.contents import contents, drawn, movers
 from lmoc.view.page.hands import run_with_hands, with_hands
 from lmoc.view.page.join import joined
 
+AGREES = 1e-6  # of the largest value
+VISIBLE = 1e-3  # from there on a page doubts itself
+SHARE = 10  # by which the error of a run may be larger than it was estimated: it and Python's have one each
+
 _BODY = """
 const repeater = new Repeater(data.script, make, data, () => performance.now());
 const given = repeater.run(times, {});
@@ -19,6 +23,7 @@ const motion = new Motion(data.picture, names, references, extremes);
 const known = new Map(repeater.variables.map((v) => [v.name, v]));
 const places = names.map((name) => known.get(name) ?? {});
 const read = (w) => places.map(({ register, value }) => (register === undefined ? (value ?? NaN) : w[register]));
+const units = new Map(data.variables.map((v) => [v.name, v.unit])), unitOf = (name) => units.get(name) ?? "";
 const done = new Set(), told = [];
 for (const item of data.picture.items) {
   const vertex = [0.7, 3, -4], held = gripAt(item, vertex, data.script);
@@ -27,9 +32,11 @@ for (const item of data.picture.items) {
   const setup = { times, values: {}, initial: {}, pulls: [] };
   const pull = new Pull(repeater, setup, { ...held, item, vertex, motion, read, speed: 1 }, 0);
   const [x, y] = motion.point(item, vertex, references), signals = pull.signals([x + 21, y - 13]);
-  const answer = repeater.run(times, {}, {}, pullsOf(data.script.hands, [[0, held.hand.name, signals]]));
+  const pulled = pullsOf(data.script.hands, [[0, held.hand.name, signals]]);
+  const [answer, finer] = [1, 0.1].map((factor) => repeater.run(times, {}, {}, pulled, factor));
+  const said = parting(answer, finer, data.script.names, unitOf, 1e-3);
   const ledger = ["ledger.stored", "ledger.work", "ledger.heat"];
-  told.push([held.hand.name, signals, answer.reason, [...ledger, ...states].map((n) => [...answer.of(n)])]);
+  told.push([held.hand.name, signals, answer.reason, [said.missed, said.from], [...ledger, ...states].map((n) => [...answer.of(n)])]);
 }
 console.log(JSON.stringify(told));
 """
@@ -42,9 +49,17 @@ class Pulled(NamedTuple):
     kind: str
     stiffness: float
     reason: str  # why the page's run has ended
-    missed: float  # by the states of the page, of the largest of each in Python's run with the same force
-    moved: float  # by the hand, likewise
+    missed: float  # by the states of the page while they are relied on, of the largest of each in Python's run
+    moved: float  # by the hand in the whole run, likewise
     balance: float  # error of the page's ledger, of the largest energy
+    accuracy: float | None  # what the page says of its run, None where a finer run has ended before
+    doubted: float | None  # from when on the page says that its run is not to be relied on
+
+    @property
+    def is_right(self) -> bool:
+        """Whether it is as accurate as asked for or, where a small change of a scene grows, as the page says."""
+        accuracy = 1.0 if self.accuracy is None else self.accuracy
+        return self.missed < max(AGREES, SHARE * min(accuracy, VISIBLE)) and (self.doubted or self.balance < AGREES)
 
 
 def pulled_everywhere(run):
@@ -60,20 +75,22 @@ def pulled_everywhere(run):
     return [_pulled(run, hands, *one) for one in told]
 
 
-def _pulled(run, hands, name, signals, reason, columns):
+def _pulled(run, hands, name, signals, reason, said, columns):
     flat = run.reduced.lawful or run.flat
     extended, own, nothing = with_hands(flat, hands)
     hand = next(h for h in own if h.name == name)
     inputs = {extended.variable_name(v): value for v, value in zip(hand.signals, signals, strict=True)}
     truth = run.extended(extended, nothing | inputs)
     stored, work, heat, *states = np.array(columns, float)
+    accuracy, doubted = said
     count = min(len(truth.time), len(stored), len(run.time))
+    relied = count if doubted is None else min(count, np.searchsorted(run.time, doubted))
     missed = moved = 0.0
     for state, values in zip(run.states, states, strict=True):
         size = max(1e-6, np.abs(truth[state][:count]).max())
-        missed = max(missed, np.abs(values[:count] - truth[state][:count]).max() / size)
+        missed = max(missed, np.abs(values[:relied] - truth[state][:relied]).max(initial=0) / size)
         moved = max(moved, np.abs(run[state][:count] - truth[state][:count]).max() / size)
     error = (work - work[0]) - (heat - heat[0]) - (stored - stored[0])
     energies = [np.abs(truth[name]).max() for name in truth if name.endswith(".energy")]
     balance = np.abs(error).max() / max(1e-6, *energies, np.abs(work - work[0]).max())
-    return Pulled(name, hand.kind, signals[0], reason, float(missed), float(moved), float(balance))
+    return Pulled(name, hand.kind, signals[0], reason, float(missed), float(moved), float(balance), accuracy, doubted)

@@ -86,7 +86,9 @@ equation
   end for;
 end A;
 """
-    assert format(read(written)) == """// about
+    assert (
+        format(read(written))
+        == """// about
 model A  // what it is
   /* a block
      comment */
@@ -104,6 +106,7 @@ equation
   end for;
 end A;
 """
+    )
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Pages in a real browser: they load alone, move, and simulate again when a slider is moved."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -73,13 +74,15 @@ def test_a_slider_changes_the_curve_to_what_python_gives(suspension):
       const entry = slider.querySelector("input[type=number]");
       entry.value = "40000"; entry.dispatchEvent(new Event("change")); await idle();
       const after = value("q2"), hash = location.hash;
+      while ($("repeat").textContent === "") await frames(1);
+      const accuracy = $("repeat").textContent;
       const range = slider.querySelector("input[type=range]");
       range.value = "-1"; range.dispatchEvent(new Event("input")); range.dispatchEvent(new Event("change"));
       await idle();
       const soft = [entry.value, value("q2")];
       const kept = [...document.querySelectorAll(".legend")].some((l) => l.textContent.includes("kept"));
       $("reset").click(); await idle();
-      return { before, after, hash, soft, kept, again: value("q2"), trouble: $("trouble").textContent };
+      return { before, after, hash, soft, kept, accuracy, again: value("q2"), trouble: $("trouble").textContent };
     """)  # fmt: skip
     found = seen.answer
     assert seen.console == []
@@ -90,6 +93,7 @@ def test_a_slider_changes_the_curve_to_what_python_gives(suspension):
     assert found["before"] == pytest.approx(truth(), rel=1e-4) == pytest.approx(found["again"], rel=1e-4)
     assert found["after"] == pytest.approx(truth(k2=40000), rel=1e-4)
     assert found["soft"] == ["3200", pytest.approx(truth(k2=3200), rel=1e-4)]
+    assert re.match(r"This run is accurate to \de-\d ", found["accuracy"])
     assert "set=k2:40000" in found["hash"] and found["kept"] and found["trouble"] == ""
 
 

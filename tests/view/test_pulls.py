@@ -205,6 +205,7 @@ def test_whatever_is_pulled_moves_as_in_python_under_the_same_force(file):
     assert found and sum(one.moved > 0.01 for one in found) >= len(found) - 1
     for one in found:
         assert not one.reason and one.missed < 1e-6 and one.balance < 1e-6, one
+        assert one.accuracy < 1e-6 and one.doubted is None, one
         assert (one.stiffness > 0) == (one.moved > 1e-9), one
 
 
@@ -221,3 +222,30 @@ def test_the_hand_is_so_stiff_that_what_it_holds_would_swing_twice_a_second():
     stiffness = {one.hand: one.stiffness for one in gears}
     both = (j1 + j2 / ratio**2) * rate**2
     assert stiffness == pytest.approx({"gear1.shaft": both, "gear2.shaft": both * ratio**2}, rel=1e-5)
+
+
+@needs_node
+def test_a_page_says_how_accurate_its_run_is():
+    """Beside a closed form: the error that is told is the one that is there."""
+    run = lmoc.compile_text("""model M Mass m(m = 2, q(start = 1, fixed = true), v(start = 0, fixed = true)); Spring s(k = 8);
+        Fixed wall; equation connect(wall.flange, s.a); connect(s.b, m.flange); end M;""").simulate(rtol=1e-4, stop=30)
+    found = contents(run, "M")
+    body = f"""
+    const data = {json.dumps(found.data)};
+    const repeater = new Repeater(data.script, {found.make}, data, () => 0);
+    const [own, finer] = [1, 0.1].map((f) => repeater.run({json.dumps(run.time.tolist())}, {{}}, {{}}, [], f));
+    const told = [1e-3, 1e-9].map((most) => parting(own, finer, ["m.q"], () => "m", most));
+    console.log(JSON.stringify([told, [...own.of("m.q")]]));
+    """
+    (plain, strict), q = run_script(joined("worker.js") + joined("elementary.js") + body)
+    error = np.abs(q - np.cos(2 * run.time))
+    assert 1e-6 < error.max() < 1e-3 and plain["from"] is None
+    assert plain["missed"] == pytest.approx(error.max(), rel=0.5)
+    assert 0 < strict["from"] < 5
+
+
+@needs_node
+def test_a_page_says_from_when_on_a_chaotic_run_is_not_to_be_relied_on():
+    _, found = pulled("planar/double_pendulum")
+    one = next(one for one in found if one.hand == "upper.a")
+    assert 3 < one.doubted < 5 and one.is_right and 1e-3 < one.accuracy < 0.1

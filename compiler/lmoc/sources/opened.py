@@ -109,5 +109,3 @@ def _distinct(folders: Sequence[Folder]) -> tuple[Folder, ...]:
     for folder in folders:
         seen.setdefault(folder.path.absolute(), folder)
     return tuple(seen.values())
-
-

@@ -18,6 +18,7 @@ from lmoc.syntax.node import Node, node
 @node
 class Number(Node):
     """``2``, ``1e-3``; `integer` where written as one."""
+
     value: float
     integer: bool
     span: Span
@@ -26,6 +27,7 @@ class Number(Node):
 @node
 class String(Node):
     """``"text"``, escapes replaced."""
+
     value: str
     span: Span
 
@@ -33,6 +35,7 @@ class String(Node):
 @node
 class Boolean(Node):
     """``true``, ``false``."""
+
     value: bool
     span: Span
 
@@ -40,6 +43,7 @@ class Boolean(Node):
 @node
 class RefPart(Node):
     """One name of a reference, with its subscripts."""
+
     name: str
     subscripts: tuple[Expression, ...]
     span: Span
@@ -48,6 +52,7 @@ class RefPart(Node):
 @node
 class Ref(Node):
     """``a.b[2].c``; `absolute` where it starts with a dot."""
+
     parts: tuple[RefPart, ...]
     absolute: bool
     span: Span
@@ -59,6 +64,7 @@ class Ref(Node):
 @node
 class Unary(Node):
     """An operator before its operand."""
+
     op: str  # "-", "+", "not"
     operand: Expression
     span: Span
@@ -67,6 +73,7 @@ class Unary(Node):
 @node
 class Binary(Node):
     """An operator between two operands."""
+
     op: str  # + - * / ^ .+ .- .* ./ .^ < <= > >= == <> and or
     left: Expression
     right: Expression
@@ -90,6 +97,7 @@ def _chain(first: Expression, then: list[tuple[str, Expression, Span]]) -> Expre
 @node
 class If(Node):
     """``if c then a elseif d then b else e``."""
+
     branches: tuple[tuple[Expression, Expression], ...]  # (condition, value), if and elseif
     otherwise: Expression
     span: Span
@@ -98,6 +106,7 @@ class If(Node):
 @node
 class Call(Node):
     """``f(a, b, k = c)``."""
+
     function: Ref  # der, sin, initial, pre, ... are ordinary references
     arguments: tuple[Expression, ...]
     named: tuple[tuple[str, Expression], ...]
@@ -107,6 +116,7 @@ class Call(Node):
 @node
 class ForIndex(Node):
     """``i in r``; without range ``i`` alone."""
+
     name: str
     range: Expression | None
     span: Span
@@ -115,6 +125,7 @@ class ForIndex(Node):
 @node
 class Comprehension(Node):
     """``{e for i in r}``, ``sum(e for i in r)`` (then the argument of a Call)."""
+
     element: Expression
     indices: tuple[ForIndex, ...]
     span: Span
@@ -123,6 +134,7 @@ class Comprehension(Node):
 @node
 class Range(Node):
     """``a:b``, ``a:step:b``."""
+
     start: Expression
     step: Expression | None
     stop: Expression
@@ -132,6 +144,7 @@ class Range(Node):
 @node
 class Array(Node):
     """``{a, b, c}``."""
+
     items: tuple[Expression, ...]
     span: Span
 
@@ -139,6 +152,7 @@ class Array(Node):
 @node
 class Matrix(Node):
     """``[a, b; c, d]``."""
+
     rows: tuple[tuple[Expression, ...], ...]
     span: Span
 
@@ -146,18 +160,21 @@ class Matrix(Node):
 @node
 class Colon(Node):
     """A subscript ``:``."""
+
     span: Span
 
 
 @node
 class EndSubscript(Node):
     """``end`` in a subscript."""
+
     span: Span
 
 
 @node
 class Tuple(Node):
     """``(a, , b)``: the left side of a call with several results; None where left out."""
+
     items: tuple[Expression | None, ...]
     span: Span
 
@@ -165,6 +182,7 @@ class Tuple(Node):
 @node
 class Field(Node):
     """A field of the record that an expression gives: no syntax, but what the value of a record says of a field."""
+
     record: Expression
     name: str
     span: Span
@@ -181,6 +199,7 @@ Expression = (
 @node
 class Modification(Node):
     """``(a = 1, b(start = 2)) = value``; either half may be absent."""
+
     arguments: tuple[Argument, ...]
     value: Expression | None
     span: Span
@@ -189,6 +208,7 @@ class Modification(Node):
 @node
 class ElementModification(Node):
     """``each final m = 2`` or ``spring(k = 3)``."""
+
     name: tuple[str, ...]
     modification: Modification | None
     each: bool
@@ -200,6 +220,7 @@ class ElementModification(Node):
 @node
 class Redeclaration(Node):
     """``redeclare Spring s(k = 3)`` or ``replaceable ...`` in a modification."""
+
     element: Component | Class
     each: bool
     final: bool
@@ -214,6 +235,7 @@ Argument = ElementModification | Redeclaration
 @node
 class Equality(Node):
     """``left = right``."""
+
     left: Expression
     right: Expression
     description: str
@@ -224,6 +246,7 @@ class Equality(Node):
 @node
 class Connect(Node):
     """``connect(left, right)``."""
+
     left: Ref
     right: Ref
     description: str
@@ -234,6 +257,7 @@ class Connect(Node):
 @node
 class For(Node):
     """``for i in r loop ... end for``."""
+
     indices: tuple[ForIndex, ...]
     body: tuple[Equation, ...]
     span: Span
@@ -244,6 +268,7 @@ class For(Node):
 @node
 class IfEquation(Node):
     """``if c then ... elseif d then ... else ... end if``."""
+
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     otherwise: tuple[Equation, ...]
     span: Span
@@ -254,6 +279,7 @@ class IfEquation(Node):
 @node
 class When(Node):
     """``when c then ... elsewhen d then ... end when``."""
+
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     span: Span
     description: str = ""
@@ -263,6 +289,7 @@ class When(Node):
 @node
 class CallEquation(Node):
     """``assert(...)``, ``terminate(...)``, ``reinit(...)``."""
+
     call: Call
     description: str
     span: Span
@@ -277,6 +304,7 @@ Equation = Equality | Connect | For | IfEquation | When | CallEquation
 @node
 class Assignment(Node):
     """``x := e`` or ``(a, b) := f(x)``."""
+
     target: Ref | Tuple
     value: Expression
     span: Span
@@ -287,6 +315,7 @@ class Assignment(Node):
 @node
 class IfStatement(Node):
     """``if c then ... elseif d then ... else ... end if``."""
+
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     otherwise: tuple[Statement, ...]
     span: Span
@@ -297,6 +326,7 @@ class IfStatement(Node):
 @node
 class ForStatement(Node):
     """``for i in r loop ... end for``."""
+
     indices: tuple[ForIndex, ...]
     body: tuple[Statement, ...]
     span: Span
@@ -307,6 +337,7 @@ class ForStatement(Node):
 @node
 class WhileStatement(Node):
     """``while c loop ... end while``."""
+
     condition: Expression
     body: tuple[Statement, ...]
     span: Span
@@ -317,6 +348,7 @@ class WhileStatement(Node):
 @node
 class WhenStatement(Node):
     """``when c then ... elsewhen d then ... end when``."""
+
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     span: Span
     description: str = ""
@@ -326,6 +358,7 @@ class WhenStatement(Node):
 @node
 class CallStatement(Node):
     """A function called for its effect: ``assert(...)``."""
+
     call: Call
     span: Span
     description: str = ""
@@ -335,6 +368,7 @@ class CallStatement(Node):
 @node
 class Return(Node):
     """``return``."""
+
     span: Span
     description: str = ""
     annotation: Modification | None = None
@@ -343,6 +377,7 @@ class Return(Node):
 @node
 class Break(Node):
     """``break``."""
+
     span: Span
     description: str = ""
     annotation: Modification | None = None
@@ -356,6 +391,7 @@ Statement = Assignment | IfStatement | ForStatement | WhileStatement | WhenState
 @node
 class Component(Node):
     """One declared name (``Real x, y;`` gives two)."""
+
     name: str
     type: Ref
     dimensions: tuple[Expression, ...]  # those of the type and of the name: Real[2] x[3] gives (3, 2)
@@ -381,6 +417,7 @@ class Component(Node):
 @node
 class Extends(Node):
     """``extends Base(k = 1)``."""
+
     base: Ref
     modification: Modification | None
     protected: bool
@@ -392,6 +429,7 @@ class Extends(Node):
 @node
 class Import(Node):
     """``import A.B;`` (alias "", wildcard False), ``import C = A.B;``, ``import A.*;``, ``import A.{b, c};``."""
+
     path: tuple[str, ...]
     alias: str
     wildcard: bool
@@ -404,6 +442,7 @@ class Import(Node):
 @node
 class Class(Node):
     """A class definition; a short one (``type Mass = Real(unit="kg")``) has `short` and no elements."""
+
     kind: str  # model block connector type record package function class ("operator" ones are not taken)
     name: str
     partial: bool
@@ -444,6 +483,7 @@ class Class(Node):
 @node
 class External(Node):
     """``external "builtin" y = f(x)``: a function that lmo has itself; without a call, that of the same name."""
+
     target: Ref | None
     call: Call | None
     span: Span
@@ -452,6 +492,7 @@ class External(Node):
 @node
 class ShortClass(Node):
     """The right-hand side of a short class definition."""
+
     base: Ref
     dimensions: tuple[Expression, ...]
     modification: Modification | None
@@ -465,6 +506,7 @@ Element = Component | Extends | Import | Class
 @node
 class File(Node):
     """A parsed text: ``within`` and the classes it defines."""
+
     within: tuple[str, ...]
     classes: tuple[Class, ...]
     span: Span

@@ -185,4 +185,3 @@ class _Values:
             return float(self.run[name][self.at])
         except KeyError:  # the derivative of an input
             return None
-

@@ -64,6 +64,9 @@ export class Answer {
   }
 }
 
+/** An answer that has been a message, which keeps no class. */
+export const revived = ({ time, columns, ...run }) => new Answer(time, columns, run);
+
 /** The answer of the compiler, out of the data of a page. */
 export function givenAnswer(data) {
   const time = Float64Array.from(decode(data.time, 64));
@@ -75,6 +78,27 @@ export function givenAnswer(data) {
   }
   const { complete, reason, events, modes } = data;
   return new Answer(time, columns, { complete, reason, events, modes });
+}
+
+/**
+ * How far another answer to the same question goes another way: {missed, from}, the largest difference of variables as a part
+ * of the largest value of their unit, and the time from which on it is larger than `most`, null where it never is. An instant
+ * alone, on two sides of a jump, does not count. Where the other one ends early, nothing beyond is known.
+ */
+export function parting(answer, other, names, unitOf, most) {
+  const count = Math.min(answer.time.length, other.time.length);
+  const sizes = new Map();
+  const size = (v, unit) => sizes.set(unit, Math.max(sizes.get(unit) ?? 0, Math.abs(v) || 0));
+  for (const name of names) answer.of(name).forEach((v) => size(v, unitOf(name)));
+  const apart = new Float64Array(count);
+  for (const name of names) {
+    const [a, b, scale] = [answer.of(name), other.of(name), sizes.get(unitOf(name)) || 1];
+    for (let k = 0; k < count; k++) apart[k] = Math.max(apart[k], Math.abs(a[k] - b[k]) / scale || 0);
+  }
+  const lasting = apart.map((v, k) => Math.min(v, apart[k + 1] ?? v));
+  const ends = count < answer.time.length ? other.time[count - 1] : null;
+  const first = lasting.findIndex((v) => v > most);
+  return { missed: ends === null ? Math.max(0, ...lasting) : Infinity, from: first < 0 ? ends : answer.time[first] };
 }
 
 /**

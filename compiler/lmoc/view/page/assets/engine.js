@@ -1,7 +1,5 @@
 // The page's own simulation, in a worker of its own: the page asks, and never waits.
 
-import { Answer } from "./answer.js";
-
 /** Requests are answered one after the other; of those of a kind that wait, only the last. */
 export class Engine {
   /** `text` is the script of the worker, `setup` what it is made of; `busy(is)` is told when work begins and ends. */
@@ -40,6 +38,3 @@ export class Engine {
     if (this.running === null) this.busy(false);
   }
 }
-
-/** The answer in a result of the worker, whose class a message does not keep. */
-export const revived = ({ time, columns, ...run }) => new Answer(time, columns, run);

@@ -1,11 +1,11 @@
 // The page: one state, and everything that shows it.
 
 import { read, write } from "./address.js";
-import { givenAnswer } from "./answer.js";
+import { givenAnswer, revived } from "./answer.js";
 import { Card, tableRow } from "./card.js";
 import { Chooser, format, Sliders, Starts } from "./controls.js";
 import { $ } from "./dom.js";
-import { Engine, revived } from "./engine.js";
+import { Engine } from "./engine.js";
 import { eventText, modesText, showEvents } from "./events.js";
 import { listenToFrame, tellFrame } from "./frame.js";
 import { gripAt } from "./grip.js";
@@ -20,6 +20,7 @@ import { Shades } from "./shades.js";
 
 const AGREES = 1e-6; // of the largest value of the same unit …
 const ADD_UP = 50; // … or this many times the tolerance: the errors of two runs
+const QUIET = 400; // ms in which nothing has been asked for: then there is time to tell how accurate the answer is
 const INSTANTS = 200; // at which the picture is looked at for the room that it needs
 const STEP = 200; // of these a run is walked through with the arrow keys
 
@@ -104,10 +105,34 @@ class Page {
     }
     this.times = times;
     const text = missed === 0 ? "does not differ" : `differs by ${missed.toPrecision(1)} of the largest value of each unit`;
-    $("repeat").textContent = `Computed again by this page, the run ${text}.`;
     $("repeat").dataset.difference = String(missed);
-    if (!(missed <= Math.max(AGREES, ADD_UP * script.rtol))) $("hint").append($("repeat")), $("repeat").classList.add("warning");
+    this.repetition = [`Computed again by this page, the run ${text}.`, !(missed <= Math.max(AGREES, ADD_UP * script.rtol))];
+    this.sayAccuracy(...this.repetition);
     return true;
+  }
+
+  /** Say how accurate what is shown is: among the notes, or where a warning is seen. */
+  sayAccuracy(text, bad) {
+    const place = $("repeat");
+    place.textContent = text;
+    place.classList.toggle("warning", bad);
+    if (bad) $("hint").append(place);
+    else $("held").after(place);
+  }
+
+  /** Find out how accurate the answer to a request is, once nothing more is asked for. */
+  async findAccuracy(request) {
+    const { serial, answer, engine } = this;
+    this.sayAccuracy("", false);
+    await new Promise((resolve) => setTimeout(resolve, QUIET));
+    if (serial !== this.serial || this.dragged !== null) return;
+    const columns = new Map(this.data.script.names.map((name) => [name, answer.of(name)]));
+    const found = await engine.ask("accuracy", { ...request, answer: { time: answer.time, columns } });
+    if (found === null || serial !== this.serial) return;
+    const { missed, from, reason } = found;
+    const other = reason ? `ends there: ${reason}` : "goes another way";
+    if (from === null) this.sayAccuracy(`This run is accurate to ${missed.toPrecision(1)} of the largest value of each unit, by one with a tenth of its tolerance.`, false);
+    else this.sayAccuracy(`From t = ${format(from)} s on this run is not to be relied on: one with a tenth of its tolerance ${other}.`, true);
   }
 
   makePicture() {
@@ -220,9 +245,12 @@ class Page {
     const { sliders, init, pulls, times, given } = this;
     const values = { ...sliders.values };
     const moved = Object.keys(values).length + Object.keys(init).length + pulls.length > 0;
-    const found = moved ? await this.engine.ask("run", { times, values, initial: init, pulls }) : given;
+    const request = { times, values, initial: init, pulls };
+    const found = moved ? await this.engine.ask("run", request) : given;
     if (found === null || serial !== this.serial) return; // a later one has taken its place
     this.putAnswer(moved ? revived(found) : given, moved);
+    if (moved) this.findAccuracy(request);
+    else this.sayAccuracy(...this.repetition);
   }
 
   putAnswer(answer, moved) {
@@ -389,6 +417,7 @@ class Page {
     if (found === null || serial !== this.serial) return;
     this.pulls = found.pulls;
     this.putAnswer(revived(found), true);
+    this.findAccuracy({ times: this.times, values: { ...this.sliders.values }, initial: this.init, pulls: this.pulls });
   }
 
   // ---------------------------------------------------------------- showing

@@ -37,10 +37,13 @@ export class Repeater {
     });
   }
 
-  /** The answer at `times` for parameter values and states at the start, both {name: value}, and the pulls of a hand. */
-  run(times, values, initial = {}, pulls = []) {
+  /**
+   * The answer at `times` for parameter values and states at the start, both {name: value}, and the pulls of a hand, with the
+   * tolerances of the compiler or `finer` ones.
+   */
+  run(times, values, initial = {}, pulls = [], finer = 1) {
     const began = this.now();
-    const limits = { deadline: began + LIMIT, now: this.now, initial, pulls };
+    const limits = { deadline: began + LIMIT, now: this.now, initial, pulls, finer };
     const run = simulate(this.scene, this.slotsOf(values), times, this.registers, limits);
     this.spent = this.now() - began;
     return this.answer(run.time, run.columns, run);

@@ -26,16 +26,19 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
   return new Run(scene, times, wanted, limits).go(changed);
 }
 
-/** A run; `pulls` are [t, [[register, value], …]], from when on signals of the hand have which values. */
+/**
+ * A run; `pulls` are [t, [[register, value], …]], from when on signals of the hand have which values, `finer` is a factor on
+ * the tolerances.
+ */
 export class Run {
-  constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 1_000_000, initial = {}, pulls = [] }) {
-    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, initial, pulls, pulled: 0, horizon: Infinity, watch: null, tried: new Set() });
+  constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 1_000_000, initial = {}, pulls = [], finer = 1 }) {
+    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, initial, pulls, finer, pulled: 0, horizon: Infinity, watch: null, tried: new Set() });
     this.registers = [wanted]; // of each choice of coordinates
     for (const other of scene.choices.slice(1)) {
       const observed = new Map(other.data.observed);
       this.registers.push(wanted.map((register) => observed.get(register) ?? -1));
     }
-    Object.assign(this, { main: scene, choice: 0, finer: 1 });
+    Object.assign(this, { main: scene, choice: 0 });
     this.columns = wanted.map(() => new Float64Array(times.length).fill(NaN));
     this.reached = this.steps = this.evaluations = 0;
     this.reason = "";
@@ -172,7 +175,7 @@ export class Run {
       const other = main.choices[choice];
       const state = this.scene.passTo(other, main.data.passages[this.choice][choice], t, x);
       if (!state.every(Number.isFinite)) continue;
-      Object.assign(this, { scene: other, choice, finer: FINER });
+      Object.assign(this, { scene: other, choice, finer: Math.min(this.finer, FINER) });
       this.watched(t, state);
       return state;
     }

@@ -1,11 +1,14 @@
 // The worker behind a page: it repeats the run, simulates with other values, and finds starts.
 
-import { difference } from "./answer.js";
+import { difference, parting, revived } from "./answer.js";
 import { Motion } from "./motion.js";
 import { gripAt } from "./grip.js";
 import { Pull, pullsOf } from "./pull.js";
 import { reach } from "./reach.js";
 import { Repeater } from "./repeat.js";
+
+const TENTH = 0.1; // factor on the tolerances of the run that tells how accurate another one is
+const VISIBLE = 1e-3; // of the largest value: what can be seen in a plot
 
 /** Answer the requests of a page; `make` returns the functions written by the compiler. */
 export function serve(make) {
@@ -39,8 +42,15 @@ class Work {
     return { reason: again.reason, missed, times: this.repeater.timesOf(given) };
   }
 
-  run({ times, values, initial, pulls = [] }) {
-    return this.repeater.run(times, values, initial, pullsOf(this.script.hands, pulls));
+  run({ times, values, initial, pulls = [] }, finer = 1) {
+    return this.repeater.run(times, values, initial, pullsOf(this.script.hands, pulls), finer);
+  }
+
+  /** How accurate an answer is, by a finer run: {missed, from, reason}, as `parting` has them, and why the finer run has ended. */
+  accuracy({ answer, ...request }) {
+    const finer = this.run(request, TENTH);
+    const { names } = this.script;
+    return { ...parting(revived(answer), finer, names, (name) => this.units.get(name) ?? "", VISIBLE), reason: finer.reason };
   }
 
   /** Begin to pull at a part at a time; whether it can be pulled. */
