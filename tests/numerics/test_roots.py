@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from lmoc.engine.roots import locate
 from lmoc.numerics.problem.base import Integration, Roots
 from lmoc.numerics.problem.status import Status
-from lmoc.numerics.steps.roots import RootFinder, locate
+from lmoc.numerics.steps.roots import RootFinder
 
 DIGITS = 1e-15  # of the time: how far a root may be off, where the function itself is exact
 
@@ -167,6 +168,29 @@ def test_a_crossing_is_located_from_above(power):
     t = locate(curve, 0.0, 1.0, curve(0.0), curve(1.0))
     assert curve(t) < 0
     assert 0.7 < t <= 0.7 * (1 + DIGITS)
+
+
+@pytest.mark.parametrize("function", [np.cos, lambda t: 2.0 - np.exp(0.5 * t), lambda t: 1.0 / t - 0.6])
+def test_a_smooth_crossing_takes_three_calls(function):
+    calls = []
+
+    def curve(t):
+        calls.append(len(t))
+        return function(t)
+
+    t = locate(curve, 1.0, 2.0, function(1.0), function(2.0))
+    assert function(t) <= 0 < function(t * (1 - DIGITS))
+    assert len(calls) <= 3
+
+
+def test_what_a_function_raises_within_a_step_is_raised():
+    def function(t):
+        if len(t) == 14:
+            raise ZeroDivisionError
+        return t - 0.3
+
+    with pytest.raises(ZeroDivisionError):
+        roots_of(function)
 
 
 @pytest.mark.parametrize("solver", ["auto", "dop853", "taylor", "gauss", "cvode"])

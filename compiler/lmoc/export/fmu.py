@@ -32,8 +32,11 @@ VERSIONS = (3, 2)
 # as the engine itself is built (`compiler/building/lmoc_build.py`): equal bits everywhere
 OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing", "-fvisibility=hidden")
 _TOLERANCE = 1e-6
-_ENGINE = ("tape", "blocks", "dense", "newton", "lu", "lu_order", "evaluate", "dop853", "walk", "instant", "relations")
-_HEADERS = ("tape", "lu", "dense", "blocks", "engine", "walk", "instant")
+_ENGINE = (
+    "tape", "blocks", "dense", "newton", "lu", "lu_order", "evaluate", "dop853", "walk", "instant", "relations",
+    "roots", "crossing",
+)  # fmt: skip
+_HEADERS = ("tape", "lu", "dense", "blocks", "engine", "walk", "instant", "roots")
 _DATA = "model.c"
 
 
@@ -143,7 +146,7 @@ def _sources(fmi: int) -> dict[str, str]:
     """Return the C files of an FMU that are the same for all scenes."""
     own, engine = Path(__file__).with_name("c"), Path(__file__).parents[1] / "engine" / "c"
     files = [engine / f"{n}.c" for n in _ENGINE] + [engine / f"{n}.h" for n in _HEADERS]
-    files += [own / f"{n}.c" for n in ("fmu", "discrete", "events", "hops", "roots")]
+    files += [own / f"{n}.c" for n in ("fmu", "discrete", "events", "hops")]
     files += [own / "fmu.h", own / "discrete.h", own / "fmi.h", own / f"fmi{fmi}.c"]
     return {f.name: f.read_text(encoding="utf-8") for f in files}
 

@@ -98,6 +98,44 @@ void fmu_seen(fmu *f) { lmoc_seen(&f->e, zeros_of(f)); }
 
 void fmu_followed(fmu *f) { lmoc_followed(&f->e); }
 
+/* What `engine/c/roots.c` asks within a step: where the states come from, constant where there are none. */
+typedef struct {
+  fmu *f;
+  int (*states)(void *own, double time, double *x);
+  void *own;
+} curve;
+
+static int values_at(void *own, int64_t count, const double *times, double *out) {
+  const curve *c = own;
+  fmu *f = c->f;
+  const int64_t roots = fmu_roots(f);
+  double *x = f->moved + 4*f->model->states;
+  for (int64_t i = 0; i < count; i++, out += roots) {
+    if (c->states) c->states(c->own, times[i], x);
+    if (fmu_indicators(f, times[i], x, out)) for (int64_t k = 0; k < roots; k++) out[k] = NAN;
+    else fmu_seen(f);
+  }
+  return 0;
+}
+
+int fmu_first_root(fmu *f, double begin, double end, int (*states)(void *own, double time, double *x), void *own,
+                   double *time) {
+  curve c = {f, states, own};
+  lmoc_finder *finder = &f->finder;
+  finder->count = fmu_roots(f);
+  finder->signs = f->root + finder->count;
+  finder->which = (uint8_t *)(f->root + 3*finder->count);
+  finder->owner = &c;
+  finder->values = values_at;
+  fmu_sides(f, finder->signs);
+  lmoc_roots_of_step(finder, begin, end);
+  const int found = lmoc_next_root(finder, time);
+  fmu_followed(f);
+  if (found == LMOC_ROOTS_NO_MEMORY) return fmu_refused(f, "there is no memory to look for events");
+  if (found == LMOC_NO_ROOT) *time = INFINITY;
+  return FMU_GOOD;
+}
+
 /* ------------------------------------------------------------------ events */
 
 /* Which zero functions are beyond their side, 1 (of rounded ones 2 at the upper edge), or will be so soon that it is the

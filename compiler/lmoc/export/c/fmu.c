@@ -58,7 +58,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(e.changed, i->discrete);
   TAKE(e.flipped, i->discrete);
   TAKE(moved, 5*m->states);
-  TAKE(root, 4*fmu_roots(f) + FMU_SAMPLES*fmu_roots(f));
+  TAKE(root, 4*fmu_roots(f));
   TAKE(flags, 2*e->size);
   TAKE(which, i->zeros);
   TAKE(back, i->zeros);
@@ -163,6 +163,7 @@ void fmu_free(fmu *f) {
       for (int64_t i = 0; i < tape_of(f->model, k)->block_count; i++) lmoc_lu_free(f->blocks[k][i].lu);
       free(f->blocks[k]);
     }
+  lmoc_roots_free(&f->finder);
   free(f->memory);
   free(f->pivots);
   free(f);
@@ -424,12 +425,12 @@ static int within(void *own, double time, double *x) {
 }
 
 /* Whether something happens within the last step, which has begun at `s->x`; then it ends there. */
-static int happens_within(fmu *f, lmoc_steps *s, double *end) {
+static int happens_within(fmu *f, lmoc_steps *s, double *end, int *root) {
   lmoc_dop853_dense(s);
-  *end = fmu_first_root(f, s->before, s->t, within, s);
-  if (!(*end < INFINITY)) return 0;
-  within(s, *end, f->moved);
-  return 1;
+  const int found = fmu_first_root(f, s->before, s->t, within, s, end);
+  *root = !found && *end < INFINITY;
+  if (*root) within(s, *end, f->moved);
+  return found;
 }
 
 /* Integrate over what is smooth, as long as nothing happens; `root`: something does where it has ended. */
@@ -461,8 +462,9 @@ static int smooth(fmu *f, double end, int *root) {
     if (watched && s.steps) {
       double until = s.t;
       s.x = begin;
-      *root = happens_within(f, &s, &until);
+      const int wrong = happens_within(f, &s, &until, root);
       s.x = f->x;
+      if (wrong) return wrong;
       if (*root) {
         memcpy(f->x, f->moved, n * sizeof(double));
         s.t = until;
@@ -482,7 +484,9 @@ static int smooth(fmu *f, double end, int *root) {
 static int pass_time(fmu *f, double end, int *root) {
   while (fmu_roots(f) && f->now.time < end && !*root) {
     const double to = fmin(end, f->now.time + f->model->events.longest);
-    const double at = fmu_first_root(f, f->now.time, to, 0, 0);
+    double at;
+    const int found = fmu_first_root(f, f->now.time, to, 0, 0, &at);
+    if (found) return found;
     *root = at < INFINITY;
     f->now.time = *root ? at : to;
     fmu_changed(f);

@@ -7,6 +7,7 @@
 #include <stddef.h>
 
 #include "instant.h"
+#include "roots.h"
 #include "walk.h"
 
 #if defined(_WIN32)
@@ -97,11 +98,12 @@ typedef struct {
   int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found */
 } fmu_scalars;
 
-enum { FMU_CHATTER = 12, FMU_SAMPLES = 260 };
+enum { FMU_CHATTER = 12 };
 
 typedef struct fmu {
   fmu_scalars now;
   lmoc_instant e;
+  lmoc_finder finder;
   const fmu_model *model;
   lmoc_tape tape[TAPES];
   lmoc_block *blocks[TAPES];
@@ -160,8 +162,9 @@ int fmu_passed(fmu *f);                                 /* … as they are now: 
 int fmu_holds(fmu *f);                                  /* FMU_WRONG where an assertion about the motion does not hold */
 double fmu_next(const fmu *f);                          /* s, of the next time event or break */
 
-/* Where one of them first leaves its side within the last step (`roots.c`): s, infinity where none does. */
-double fmu_first_root(fmu *f, double begin, double end, int (*states)(void *own, double time, double *x), void *own);
+/* When one of them first leaves its side within the last step (`events.c`): s, infinity where none does. */
+int fmu_first_root(fmu *f, double begin, double end, int (*states)(void *own, double time, double *x), void *own,
+                   double *time);
 
 /* All that changes, as bytes. */
 size_t fmu_bytes(const fmu *f);

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lmoc.engine.roots import lowest
 from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.bounds_kernel import NEIGHBOURS, UNEXPLAINED
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
@@ -34,7 +35,6 @@ from lmoc.numerics.coordinates.tableau import (
 from lmoc.numerics.observe.observer import Path
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.system import System
-from lmoc.numerics.steps.roots import lowest
 
 # by which the tableau's largest entry must have grown since the choice was made for another one to be looked for; and
 # the largest entry that a choice may have from the beginning and still count as good
