@@ -145,6 +145,23 @@ class Instant:
         self._kept.append(one := _MOVE(call))
         self.data.move = ctypes.cast(one, ctypes.c_void_p).value
 
+    def answering(
+        self, look: Callable[[float, np.ndarray], tuple[np.ndarray, ...]], sizes: tuple[int, ...]
+    ) -> Callable[..., int]:
+        """Return a function that C asks: of this structure, a time and states, and the places of arrays of results."""
+        states = self.data.states
+
+        def call(_: int, time: float, x: int, *places: int) -> int:
+            def work() -> bool:
+                found = look(time, _array(x, states))
+                for values, place, size in zip(found, places, sizes, strict=True):
+                    _array(place, size)[:] = values
+                return True
+
+            return self._answer(work)
+
+        return call
+
     def _answer(self, work: Callable[[], bool]) -> int:
         """Keep what is raised until C has come back."""
         try:

@@ -5,7 +5,7 @@
 
 #include <stdio.h>
 
-static const double MOMENT = 1e-9, LEAST = 0x1p-500;
+static const double LEAST = 0x1p-500;
 enum { START_ROUNDS = 50 };
 
 /* ------------------------------------------------------------------ reinit */
@@ -159,21 +159,39 @@ static int crossed(fmu *f, double *which) {
   return FMU_GOOD;
 }
 
-static int chatters(fmu *f, const double *which) {
-  const double t = f->now.time, moment = MOMENT * fmax(f->model->span, lmoc_near_to(t));
-  for (int64_t k = 0; k < f->e.zeros; k++) {
-    if (which[k] == 0) continue;
-    double *times = f->times + k*FMU_CHATTER;
-    memmove(times, times + 1, (FMU_CHATTER - 1) * sizeof(double));
-    times[FMU_CHATTER - 1] = t;
-    if (t - times[0] <= moment) {
-      char text[400];
-      snprintf(text, sizeof text, "%.300s switches back and forth: a friction with a stick mode ends that",
-               f->model->events.texts[f->e.of_zero[k]]);
-      return fmu_refused(f, text);
-    }
-  }
-  return FMU_GOOD;
+/* The motion with the present discrete values, which `engine/c/hops.c` looks along. */
+static int motion(lmoc_instant *e, double time, const double *x, double *rates, double *zeros) {
+  fmu *f = e->owner;
+  const int lost = fmu_look(f, time, x);
+  for (int64_t i = 0; i < e->states; i++) rates[i] = lost ? NAN : f->w[RIGHT][f->model->derivative[i]];
+  for (int64_t k = 0; k < e->zeros; k++) zeros[k] = lost ? NAN : fmu_value(f, k);
+  return LMOC_SETTLED;
+}
+
+/* The first function of some switches again and again; `how` says more. */
+static int chatters(fmu *f, int64_t k, const char *how) {
+  char text[400];
+  snprintf(text, sizeof text, "%.250s switches back and forth: %s", f->model->events.texts[f->e.of_zero[k]], how);
+  return fmu_refused(f, text);
+}
+
+static int too_low(fmu *f, const double *which) {
+  int64_t k = 0;
+  while (k + 1 < f->e.zeros && which[k] == 0) k++;
+  return chatters(f, k, "its next hop is too low to be told from none");
+}
+
+/* Take note of what crosses zero, as long as the run gets on. */
+static int cross(fmu *f, const double *which) {
+  lmoc_hops *h = &f->hops;
+  h->motion = motion;
+  h->begin = f->now.begin;
+  h->span = f->model->span;
+  h->step = INFINITY;
+  const int64_t busy = lmoc_cross(&f->e, h, f->now.time, which);
+  if (busy >= 0) return chatters(f, busy, "a friction with a stick mode ends that");
+  const int found = lmoc_wrong_way(&f->e, h, f->now.time, f->x, which, f->turn);
+  return found == LMOC_TOO_LOW ? too_low(f, f->turn) : found;
 }
 
 /* What the event's own conditions say of it. */
@@ -210,10 +228,13 @@ static int event(fmu *f, int due, double instant, const double *which, const dou
 }
 
 /* Let conditions at zero change back where the jump of states sends them to the side they came from. */
-static int come_back(fmu *f, const double *which, const double *at) {
+static int come_back(fmu *f, const double *which) {
+  const double t = f->now.time;
   int some = 0;
-  const int found = fmu_turned_back(f, which, at, f->back, &some);
-  return found ? found : some ? event(f, 0, f->now.time, 0, f->back) : FMU_GOOD;
+  const int found = lmoc_turned_back(&f->e, &f->hops, t, f->before, f->x, which, f->at, f->turn);
+  if (found) return found == LMOC_TOO_LOW ? too_low(f, f->turn) : found;
+  for (int64_t k = 0; k < f->e.zeros; k++) some |= f->turn[k] != 0;
+  return some ? event(f, 0, t, 0, f->turn) : FMU_GOOD;
 }
 
 int fmu_happen(fmu *f) {
@@ -224,16 +245,15 @@ int fmu_happen(fmu *f) {
   int some = 0, found;
   f->now.jumped = 0;
   if (f->now.ended || !f->e.discrete) return FMU_GOOD;
-  if ((found = crossed(f, which)) || (found = chatters(f, which)) || (found = fmu_wrong_way(f, which))) return found;
+  if ((found = crossed(f, which)) || (found = cross(f, which))) return found;
   if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
-  double *at = f->ways + 3*f->model->states;
   memcpy(f->before, f->x, f->model->states * sizeof(double));
-  for (int64_t k = 0; k < f->e.zeros; k++) at[k] = fmu_value(f, k);
+  for (int64_t k = 0; k < f->e.zeros; k++) f->at[k] = fmu_value(f, k);
   if ((found = event(f, due, instant, which, 0))) return found;
   f->now.next = lmoc_next_time(&f->e, instant, 0);
   for (int64_t k = 0; k < f->e.zeros; k++) some |= which[k] != 0;
   if (some) lmoc_leave_zero(&f->e, which);
-  if (some && f->now.jumped && (found = come_back(f, which, at))) return found;
+  if (some && f->now.jumped && (found = come_back(f, which))) return found;
   f->now.last_instant = t;
   if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
   lmoc_mark(&f->call);

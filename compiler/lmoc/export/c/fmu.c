@@ -47,8 +47,8 @@ static int64_t place_memory(fmu *f) {
   TAKE(e.largest, i->zeros);
   TAKE(e.high, i->zeros);
   TAKE(e.early, i->relations);
-  TAKE(times, i->zeros * FMU_CHATTER);
-  TAKE(home, i->zeros);
+  TAKE(hops.times, i->zeros * LMOC_CHATTER);
+  TAKE(hops.home, i->zeros);
   TAKE(warned, e->watched);
   f->doubles = total;
   TAKE(work, 32*m->states + 4);
@@ -61,9 +61,10 @@ static int64_t place_memory(fmu *f) {
   TAKE(root, 4*fmu_roots(f));
   TAKE(flags, 2*e->size);
   TAKE(which, i->zeros);
-  TAKE(back, i->zeros);
+  TAKE(turn, i->zeros);
   TAKE(before, m->states);
-  TAKE(ways, 3*m->states + 5*i->zeros);
+  TAKE(at, i->zeros);
+  TAKE(hops.work, 4*m->states + 9*i->zeros);
   double *scratch;
   scratch = at ? at + total : 0, total += i->zeros + i->told;
   f->chosen = (int64_t *)scratch;
@@ -108,7 +109,7 @@ void fmu_reset(fmu *f) {
   }
   memcpy(f->w[PARAMETRIC], m->known, m->parametric.time * sizeof(double));
   for (int k = LOOK; k < TAPES; k++) f->w[k][m->events.absent] = NAN;
-  for (int64_t i = 0; i < f->e.zeros * FMU_CHATTER; i++) f->times[i] = -INFINITY;
+  for (int64_t i = 0; i < f->e.zeros * LMOC_CHATTER; i++) f->hops.times[i] = -INFINITY;
   guess(f);
   forget(f);
   f->last = 0;

@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#include "instant.h"
+#include "hops.h"
 #include "roots.h"
 #include "walk.h"
 
@@ -98,21 +98,18 @@ typedef struct {
   int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found */
 } fmu_scalars;
 
-enum { FMU_CHATTER = 12 };
-
 typedef struct fmu {
   fmu_scalars now;
   lmoc_instant e;
   lmoc_finder finder;
+  lmoc_hops hops;
   const fmu_model *model;
   lmoc_tape tape[TAPES];
   lmoc_block *blocks[TAPES];
   /* one piece of memory, then scratch */
   double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
-  double *times;                                /* (zeros, FMU_CHATTER) s, when each has crossed zero */
-  double *home;                                 /* (zeros,) s, before which one that has left zero is not back */
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
-  double *work, *noise, *moved, *root, *flags, *which, *back, *before, *ways;
+  double *work, *noise, *moved, *root, *flags, *which, *turn, *before, *at;
   int64_t *chosen;
   int64_t doubles, pivot_count;
   int32_t *pivots;

@@ -2,88 +2,80 @@
 
 Two ways of that: a condition that switches many times within a moment, and one whose hops become too low to be told
 from rounding, as those of a ball that bounces to rest. Nothing behind that instant is known: a ball whose hop is taken
-for none goes on through its floor.
+for none goes on through its floor. A ball that has just been turned at h = 0 has left ``h <= 0`` at once, without an
+event of its own. It is decided in C (``engine/c/hops.c``); here is what it asks, and what is said.
 """
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 
+from lmoc.engine.hops import Hops
 from lmoc.ir.events import Relations
 from lmoc.messages.source import Span as SourceSpan
-from lmoc.numerics.events.discrete_state import near_to
-from lmoc.numerics.events.excursion import Excursions
+from lmoc.numerics.events.discrete_state import DiscreteState
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.failures.chatter import FRICTION_HINT
+from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.problem.status import Status, Stopped
-
-_CHATTER = 12  # changes of one condition …
-_MOMENT = 1e-9  # … within this part of the run, which is chattering
-SEEN = 200.0  # times what its zero may be off, which a hop is higher than; a margin ends at 100 times itself
-_EARLY = 0.125  # of the time to the way back, before which a function does not come back
-_LONG, _SHORT = 1e-2, 1e-6  # of the time since a function has last crossed zero, over which its way is looked at
 
 
 class Crossings:
-    """When each zero function has last crossed zero, and when those that have left it at once are back.
+    """What crosses zero in a run."""
 
-    Attributes
-    ----------
-    soon : s, after which the first of them is back; infinity where none is on its way
-    """
+    def __init__(self, zeros: int, begin: float, end: float) -> None:
+        self._hops = Hops(zeros, begin, end)
 
-    def __init__(self, begin: float, end: float) -> None:
-        self._begin, self._span = begin, end - begin
-        self._times: dict[int, deque[float]] = {}
-        self._left: dict[int, float] = {}  # s, before which a function that has left zero is not back
-        self.soon = np.inf
+    @property
+    def soon(self) -> float:
+        """s, after which the first function that has left zero at once is back; infinity where none is on its way."""
+        return self._hops.soon
 
-    def before(self, zeros: np.ndarray) -> float:
-        """s, when functions that are crossing zero, of which `cross` has been told, have last done so before."""
-        return max(self._times[k][-2] if len(self._times[k]) > 1 else self._begin for k in zeros.tolist())
+    def cross(self, discrete: DiscreteState, outcome: Outcome, which: np.ndarray) -> None:
+        """Take note of the functions, (zeros,), that cross zero where a segment has ended.
 
-    def short(self, t: float, zeros: np.ndarray, step: float) -> float:
-        """Return a time over which the ways of such functions are looked at, as of `excursions`.
+        Raises
+        ------
+        Stopped
+            A condition switches too often within a moment, or a function that has just left zero seems to be back and
+            moves away from it.
+        """
+        hops, layout, t = self._hops, discrete.layout, outcome.time
+        busy = discrete.cross(hops, t, which)
+        if busy >= 0:
+            moment = t - hops.times[busy, 0]
+            relations = [layout.relation_at(k) for k in np.flatnonzero(t - hops.times[:, -1] <= moment).tolist()]
+            raise _stopped(relations, f"{hops.times.shape[1]} times within {moment:.1g} s")
+        wrong = discrete.wrong_way(hops, outcome, which)
+        if len(wrong):
+            raise self._too_low(layout, wrong)
+
+    def turned_back(
+        self, discrete: DiscreteState, outcome: Outcome, x: np.ndarray, which: np.ndarray, at: np.ndarray
+    ) -> np.ndarray:
+        """Return the functions that leave zero at once, and note when they are back and by what their zeros are off.
 
         Parameters
         ----------
-        step : s, the last step of the method, over which the motion is smooth
+        outcome : of the segment that has ended where they crossed zero
+        x : states behind the jump
+        at : (zeros,) the functions where they crossed zero, before the jump
+
+        Raises
+        ------
+        Stopped
+            A hop is too low to be seen.
         """
-        since = t - self.before(zeros)
-        return float(np.clip(step, _SHORT * since, _LONG * since))
+        found, too_low = discrete.turned_back(self._hops, outcome, x, which, at)
+        if too_low:
+            raise self._too_low(discrete.layout, found)
+        return found
 
-    def cross(self, layout: EventLayout, t: float, crossed: np.ndarray) -> None:
-        """Take note of what crosses zero; raise `Stopped` where a condition switches too often within a moment."""
-        self.soon = np.inf
-        moment = _MOMENT * max(self._span, near_to(t))
-        busy = []
-        for k in crossed.tolist():
-            times = self._times.setdefault(k, deque(maxlen=_CHATTER))
-            times.append(t)
-            if len(times) == _CHATTER and t - times[0] <= moment:
-                busy.append(k)
-        if not busy:
-            return
-        relations = [layout.relation_at(k) for k in self._times if t - self._times[k][-1] <= moment]
-        raise _stopped(relations, f"{_CHATTER} times within {t - self._times[busy[0]][0]:.1g} s")
-
-    def leave(self, t: float, zeros: np.ndarray, ways: Excursions) -> None:
-        """Take note of functions that leave zero the way they have come from."""
-        self._left.update((k, t + _EARLY * ways.back[k]) for k in zeros.tolist())
-        self.soon = float(ways.back[zeros].min())
-
-    def back_too_early(self, t: float, crossed: np.ndarray) -> np.ndarray:
-        """Return which of the functions that cross zero have just left it, and had no time to come back."""
-        return np.array([k for k in crossed.tolist() if t < self._left.get(k, -np.inf)], int)
-
-    def too_low(self, layout: EventLayout, zeros: np.ndarray) -> Stopped:
-        """Return that hops have become too low to be seen."""
-        times = self._times[int(zeros[0])]
-        last = f", the last one has taken {times[-1] - times[-2]:.1g} s" if len(times) > 1 else ""
+    def _too_low(self, layout: EventLayout, zeros: np.ndarray) -> Stopped:
+        before, last = self._hops.times[zeros[0], -2:].tolist()
+        taken = f", the last one has taken {last - before:.1g} s" if np.isfinite(before) else ""
         relations = [layout.relation_at(k) for k in zeros.tolist()]
-        return _stopped(relations, f"the next hop is too low to be told from none{last}")
+        return _stopped(relations, f"the next hop is too low to be told from none{taken}")
 
 
 def _stopped(relations: list[Relations], how: str) -> Stopped:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from lmoc.engine.hops import Hops
 from lmoc.engine.instant import BEGUN, SETTLED, Instant
 from lmoc.engine.kernel import Kernel
 from lmoc.expression.dag import Expr
@@ -22,6 +23,7 @@ from lmoc.numerics.events.trials import prefer_regular, try_relations
 from lmoc.numerics.limits import ULP
 from lmoc.numerics.observe.one_state import moved as moved_to
 from lmoc.numerics.observe.one_state import why_not
+from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
@@ -240,14 +242,10 @@ class DiscreteState:
     def quiet(self, t: float, x: np.ndarray, height: np.ndarray) -> np.ndarray:
         """Return which root functions are zero but for rounding where they are no higher than so much, (roots,)."""
         mask, count = np.zeros(len(height), bool), self.layout.zero_count
-        mask[:count] = ~self.tells(t, x, height[:count], self.margin)
+        quiet = np.zeros(count, np.uint8)
+        self._instant.call("lmoc_quiet", t, x, height[:count] - self.margin, quiet)
+        mask[:count] = quiet
         return mask
-
-    def tells(self, t: float, x: np.ndarray, height: np.ndarray, off: np.ndarray) -> np.ndarray:
-        """Return which zero functions of so much are not zero but for rounding, and what else they may be off."""
-        quiet = np.zeros(len(height), np.uint8)
-        self._instant.call("lmoc_quiet", t, x, height - off, quiet)
-        return quiet == 0
 
     def remember(self) -> None:
         """``pre(v) := v``."""
@@ -388,6 +386,40 @@ class DiscreteState:
     def ring(self, t: float) -> None:
         """Set the variables of `sample` whose instant this is."""
         self._instant.call("lmoc_ring", t)
+
+    # ----------------------------------------------------------------------------- hops
+
+    def cross(self, hops: Hops, t: float, which: np.ndarray) -> int:
+        """Take note of functions (zeros,) that cross zero; as `Hops.cross`."""
+        return hops.cross(self._instant, t, which)
+
+    def turned_back(
+        self, hops: Hops, outcome: Outcome, x: np.ndarray, which: np.ndarray, at: np.ndarray
+    ) -> tuple[np.ndarray, bool]:
+        """Return which functions leave zero at once behind a jump of states, as `Hops.turned_back`."""
+        self._look_along(hops, outcome)
+        self._inputs(outcome.time)
+        return hops.turned_back(self._instant, outcome.time, (outcome.x, x), which, at)
+
+    def wrong_way(self, hops: Hops, outcome: Outcome, which: np.ndarray) -> np.ndarray:
+        """Return which functions seem to be back too early, as `Hops.wrong_way`."""
+        self._look_along(hops, outcome)
+        return hops.wrong_way(self._instant, outcome.time, outcome.x, which)
+
+    def _look_along(self, hops: Hops, outcome: Outcome) -> None:
+        """Look along the motion with the present discrete values."""
+        layout, base, signals = self.layout, self.base, self.signals
+        prepared: list[bool] = []
+
+        def motion(t: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            if not prepared:
+                layout.rates.prepare(base, signals)
+                layout.zeros.prepare(base, signals)
+                prepared.append(True)
+            return layout.rates(t, x).copy(), layout.zeros(t, x)
+
+        self.push()
+        hops.look(self._instant, outcome.step, motion)
 
     # ---------------------------------------------------------------------------- roots
 

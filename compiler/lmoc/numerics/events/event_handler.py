@@ -13,7 +13,6 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.numerics.events.chatter import Crossings, where
 from lmoc.numerics.events.discrete_state import DiscreteState, Happened, NotAState, Unsettled, differ, near_to
-from lmoc.numerics.events.hops import notice_wrong_ways, turned_back
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.observe.event import Event
@@ -67,7 +66,7 @@ class EventHandler:
         self.report = report
         self.records: list[Event] = []
         self.next = np.inf
-        self._crossings = Crossings(*span)
+        self._crossings = Crossings(self.layout.zero_count, *span)
         self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
 
     def _ledger_row(self, name: str) -> int:
@@ -213,14 +212,13 @@ class EventHandler:
         t, x = outcome.time, outcome.x
         if outcome.status is Status.ROOT:
             crossed, upwards = self._crossed(outcome.roots)
-            self._crossings.cross(self.layout, t, crossed)
-            notice_wrong_ways(self.discrete, self._crossings, outcome, crossed)
-            at = self.discrete.zeros(np.array([t]), x[None])[0]
             which = np.zeros(self.layout.zero_count)
             which[crossed] = np.where(upwards, 2.0, 1.0)
+            self._crossings.cross(self.discrete, outcome, which)
+            at = self.discrete.zeros(np.array([t]), x[None])[0]
             behind = self._event(t, x, "when", lambda: self.discrete.turn(which))
             self.discrete.crossed(which)
-            return behind if behind is x else self._leave(outcome, behind, crossed, at)
+            return behind if behind is x else self._leave(outcome, behind, which, at)
         if t >= self.next - near_to(t):
             return self._event(t, x, "time")
         if self.layout.events.terminal >= 0 and self.discrete.v[self.layout.events.terminal] == 0:
@@ -238,9 +236,9 @@ class EventHandler:
         """Return the next time event where it is as near to a time as that, else the time."""
         return self.next if abs(self.next - t) <= near else t
 
-    def _leave(self, outcome: Outcome, x: np.ndarray, crossed: np.ndarray, at: np.ndarray) -> np.ndarray:
+    def _leave(self, outcome: Outcome, x: np.ndarray, which: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Let conditions at zero change back where the jump of states sends them to the side they came from."""
-        back = turned_back(self.discrete, self._crossings, outcome, x, crossed, at)
+        back = self._crossings.turned_back(self.discrete, outcome, x, which, at)
         if not len(back):
             return x
 
