@@ -1,6 +1,6 @@
 """The processor time of laws: an event against a restart of the bare integrator, a stop against springs, and steps.
 
-python -m benchmarks.laws [events] [springs] [steps]          all three without arguments; tables in docs/laws.md
+    python -m benchmarks.laws [events] [springs] [steps]          all three without arguments; tables in docs/laws.md
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ equation
   connect(floor.flange, stop.b);
   connect(stop.a, ball.flange);
 end Ball;"""
-ON_STOP = BALL.replace("PART", 'Cable stop(L = 0, e = 1) "floor.q ≤ ball.q";')
+ON_STOP = BALL.replace("PART", "Cable stop(L = 0, e = 1) \"floor.q ≤ ball.q\";")
 ON_SPRING = BALL.replace("PART", "ElasticCable stop(k = k, d0 = 0);")
 PILE = """model Pile "masses dropped onto each other and a floor"
   parameter Integer N = 10;

@@ -1,6 +1,6 @@
 """How methods fail: each failure as numbers of runs, with the commands that show them, and what helps.
 
-python -m benchmarks.stability          all failures as text; `make charts` writes them to docs/stability.md
+    python -m benchmarks.stability          all failures as text; `make charts` writes them to docs/stability.md
 """
 
 from __future__ import annotations
@@ -351,7 +351,7 @@ def bifurcation() -> Failure:
         f"The rank of all constraints is watched at each step: the run {words.rstrip('.')}."
         if words != "goes through"
         else "The run goes on along the branch that momentum continues; the energy balance is "
-        f"{numbers['energy']:.0e}.",
+             f"{numbers['energy']:.0e}.",
         numbers,
     )
 

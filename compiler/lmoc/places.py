@@ -57,7 +57,9 @@ def place(
     return _of_laws(session, prepared, at, inputs or {}) if prepared.flat.laws else (prepared, at)
 
 
-def _of_laws(session: Session, prepared: Prepared, at: Point | None, inputs: Point) -> tuple[Prepared, Moment | Point]:
+def _of_laws(
+    session: Session, prepared: Prepared, at: Point | None, inputs: Point
+) -> tuple[Prepared, Moment | Point]:
     """Return a scene with laws in the mode of a point, and the point; by default that of rest."""
     from lmoc.symbolic.places import number, only, with_inputs
     from lmoc.symbolic.values import read_values

@@ -69,7 +69,7 @@ def test_options_that_do_not_fit_the_model_are_mistakes_of_the_command(lmoc, sce
 
 def test_unreadable_files_are_named(lmoc, tmp_path, scene):
     (tmp_path / "picture.lmo").write_bytes(b"\x89PNG\0\1")
-    (tmp_path / "latin.lmo").write_bytes('model M "Tür"\nend M;'.encode("latin-1"))
+    (tmp_path / "latin.lmo").write_bytes("model M \"Tür\"\nend M;".encode("latin-1"))
     for name, code, help in [
         ("osillator.lmo", "E0610", "did you mean 'oscillator.lmo'?"),
         ("no/where.lmo", "E0610", "no folder 'no'"),

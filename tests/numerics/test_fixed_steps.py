@@ -33,15 +33,8 @@ end B;"""
 
 @pytest.mark.parametrize(
     ("solver", "order"),
-    [
-        ("rk4", 4),
-        ("midpoint", 2),
-        ("verlet", 2),
-        ("generalized-alpha", 2),
-        ("gauss", 8),
-        ("collocation", 6),
-        ("collocation-radau", 5),
-    ],
+    [("rk4", 4), ("midpoint", 2), ("verlet", 2), ("generalized-alpha", 2), ("gauss", 8),
+     ("collocation", 6), ("collocation-radau", 5)],
 )
 def test_the_error_falls_with_the_order(solver, order):
     run = Simulator(oscillator(c=0.0 if solver == "verlet" else 0.3).reduced()).run

@@ -120,9 +120,8 @@ def plane(seed: int, bars: int) -> str:
     ground = scene.add("Planar.Ground")
     frames = [f"{ground}.frame"]
     for _ in range(bars):
-        pin, bar = (
-            scene.add(f"Planar.Revolute(useShaft = {'true' if seed % 2 else 'false'})"),
-            scene.add(f"Planar.Bar(l = {choose.choice((0.5, 1, 1.5))}, m = 1)"),
+        pin, bar = scene.add(f"Planar.Revolute(useShaft = {'true' if seed % 2 else 'false'})"), scene.add(
+            f"Planar.Bar(l = {choose.choice((0.5, 1, 1.5))}, m = 1)"
         )
         scene.connect(choose.choice(frames), f"{pin}.a")
         scene.connect(f"{pin}.b", f"{bar}.a")

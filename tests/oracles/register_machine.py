@@ -84,6 +84,7 @@ class Machine:
         d = self.derivative(y + h * c, time + h)
         return y + h / 6 * (a + 2 * b + 2 * c + d)
 
+
     def fastest(self, y: np.ndarray, time: float) -> float:
         """Spectral radius of the Jacobian of the states."""
         n = len(self.reduced.states)

@@ -43,7 +43,12 @@ plain_refs = make(tree.Ref, parts=tuples(part, 1), absolute=st.booleans())
 numbers = make(tree.Number, value=st.integers(0, 10**6).map(float), integer=st.just(True)) | make(
     tree.Number, value=st.floats(0, 1e300, allow_nan=False), integer=st.just(False)
 )
-leaves = numbers | make(tree.String, value=texts) | make(tree.Boolean, value=st.booleans()) | plain_refs
+leaves = (
+    numbers
+    | make(tree.String, value=texts)
+    | make(tree.Boolean, value=st.booleans())
+    | plain_refs
+)
 OPERATORS = "or and < <= > >= == <> + - .+ .- * / .* ./ ^ .^".split()
 
 
@@ -234,10 +239,8 @@ simple_statements = (
 )
 statements = st.recursive(
     simple_statements,
-    lambda inner: (
-        loops(inner, (tree.ForStatement, tree.IfStatement, tree.WhenStatement))
-        | make(tree.WhileStatement, condition=expressions, body=tuples(inner, 0, 2), **told)
-    ),
+    lambda inner: loops(inner, (tree.ForStatement, tree.IfStatement, tree.WhenStatement))
+    | make(tree.WhileStatement, condition=expressions, body=tuples(inner, 0, 2), **told),
     max_leaves=3,
 )
 

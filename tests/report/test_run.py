@@ -160,7 +160,9 @@ def test_names_of_arrays_are_put_together():
 
 
 def test_a_run_keeps_only_what_is_asked_for() -> None:
-    dae = lmoc.compile_text("model M parameter Integer N = 4; Mass m[N](each m = 1, v(each start = 1)); end M;")
+    dae = lmoc.compile_text(
+        "model M parameter Integer N = 4; Mass m[N](each m = 1, v(each start = 1)); end M;"
+    )
     run = dae.simulate(stop=1, points=3, keep=["m[2].q"])
     assert run["m[2].q"] == pytest.approx([0, 0.5, 1])
     assert list(run.columns()) == ["time", *run.final] == ["time", "m[2].q"]
@@ -231,12 +233,9 @@ def test_the_power_of_electrical_ports_is_current_times_voltage():
 
 
 def test_a_scene_in_which_nothing_states_its_energy_has_an_empty_ledger():
-    run = lmoc.compile_text(
-        ELECTRICAL
-        + """
+    run = lmoc.compile_text(ELECTRICAL + """
         model M El.Source s(u = 5); El.Resistor r(R = 2); El.Coil l(L = 0.1); El.Ground g;
-        equation connect(s.p, r.p); connect(r.n, l.p); connect(l.n, s.n); connect(g.p, s.n); end M;"""
-    ).simulate(stop=1)
+        equation connect(s.p, r.p); connect(r.n, l.p); connect(l.n, s.n); connect(g.p, s.n); end M;""").simulate(stop=1)
     assert run["l.i"] == pytest.approx(2.5 * (1 - np.exp(-20 * run.time)), abs=1e-5)
     assert run["r.power"] == pytest.approx(-2 * run["l.i"] ** 2, abs=1e-9)
     assert run.energy.balance == 0

@@ -210,16 +210,13 @@ def test_elastic_string_is_slack_and_taut_again():
     assert all(np.abs(times - expected).min() < 1e-8 for expected in (taut, taut + duration))
     assert np.all(found["string.f"] >= 0) and np.allclose(found["mass.x"], 0)
     t = taut + duration + 0.3
-    last = run(
-        """
+    last = run("""
       PointMass mass(m = 1, x(start = 0, fixed = true), y(start = -0.5, fixed = true));
       Anchor anchor;
       ElasticCable string(k = 1000, d0 = 1);
     equation
       connect(anchor.point, string.a);
-      connect(string.b, mass.point);""",
-        stop=t,
-    )
+      connect(string.b, mass.point);""", stop=t)
     assert abs(last["mass.y"][-1] - (-1 + speed * 0.3 - G * 0.3**2 / 2)) < 1e-6
 
 

@@ -9,8 +9,7 @@ import lmoc
 from lmoc.engine.compiler import find_compiler
 
 G = 9.81
-ISOSCELES = (
-    """model Isosceles "a slider crank whose crank is as long as its rod"
+ISOSCELES = """model Isosceles "a slider crank whose crank is as long as its rod"
   import Planar.*;
   inner World world(g = 0);
   Ground ground;
@@ -19,11 +18,8 @@ ISOSCELES = (
   Prismatic line(s(start = 1.7));
   Body slider(m = 1, J = 1);
 equation
-"""
-    + CONNECTED_SLIDER_CRANK
-    + """
+""" + CONNECTED_SLIDER_CRANK + """
 end Isosceles;"""
-)
 
 
 @pytest.fixture

@@ -40,14 +40,11 @@ def test_statements_are_carried_out_in_their_order() -> None:
 
 
 def test_what_is_not_assigned_has_its_start_value() -> None:
-    found = run(
-        """model M
+    found = run("""model M
       Real x(start = 0, fixed = true), y(start = 5);
     algorithm
       if x > 0.5 then y := x; end if;
-    equation der(x) = 1; end M;""",
-        points=5,
-    )
+    equation der(x) = 1; end M;""", points=5)
     assert found["y"] == pytest.approx([5, 5, 0.5, 0.75, 1.0])  # at the event, the value behind it
     assert [e.time for e in found.events] == pytest.approx([0.5])
 
@@ -65,8 +62,7 @@ def test_an_if_statement_is_an_event() -> None:
 
 
 def test_when_statements_count_and_remember() -> None:
-    found = run(
-        """model M
+    found = run("""model M
       Real x(start = 1, fixed = true), v(start = 0, fixed = true);
       Integer n(start = 0, fixed = true); discrete Real last(start = -1, fixed = true); Boolean late(start = false);
     algorithm
@@ -78,9 +74,7 @@ def test_when_statements_count_and_remember() -> None:
       elsewhen time > 1.15 then
         n := 100;
       end when;
-    equation der(x) = v; der(v) = -9.81; end M;""",
-        stop=1.2,
-    )
+    equation der(x) = v; der(v) = -9.81; end M;""", stop=1.2)
     first = np.sqrt(2 / 9.81)
     bounces = first * (1 + np.cumsum([0, 1, 0.5]))
     assert found["n"][-1] == 100 and found["n"][found.time < 1.15].max() == 3
@@ -91,8 +85,7 @@ def test_when_statements_count_and_remember() -> None:
 
 def test_assigned_values_and_values_before_the_event_are_two_things() -> None:
     """Within the section a name stands for what has been assigned, pre() for what was before."""
-    found = run(
-        """model M
+    found = run("""model M
       Integer a(start = 1, fixed = true), b(start = 0, fixed = true), c(start = 0, fixed = true);
     algorithm
       when sample(0.25, 0.25) then
@@ -103,9 +96,7 @@ def test_assigned_values_and_values_before_the_event_are_two_things() -> None:
       end when;
     public
       Boolean up = time > 0.1;
-    end M;""",
-        stop=0.6,
-    )
+    end M;""", stop=0.6)
     assert [found["a"][-1], found["b"][-1], found["c"][-1]] == [7, 9, 2]  # 1 → 3 → 7; b = 6 + 3
 
 

@@ -316,8 +316,7 @@ def test_a_mistake_in_a_loop_is_said_once() -> None:
 
 
 def test_enumerations_and_booleans_count_along_dimensions() -> None:
-    dae = flat(
-        """type E = enumeration(lo, hi, mid);
+    dae = flat("""type E = enumeration(lo, hi, mid);
         function pick input Real t[E]; input E e; output Real y; protected Real c[E];
           algorithm for k in E loop c[k] := 10*t[k]; end for; y := c[e]; end pick;
         package P type F = enumeration(a, b); end P;
@@ -337,9 +336,7 @@ def test_enumerations_and_booleans_count_along_dimensions() -> None:
           for e in E loop
             x[e] = y[e]*time;
           end for;
-        end M;""",
-        "M",
-    )
+        end M;""", "M")
     assert [value(dae, n) for n in ("z", "s", "v", "t", "p")] == [3, 6, 5, 1, 20]
     assert value(dae, "r") == [1, 4, 9]
     assert value(dae, "m.m") == [1, 2, 3]

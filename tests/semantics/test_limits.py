@@ -65,7 +65,7 @@ def test_parts_without_connection_are_told_before_they_are_reduced() -> None:
 def test_signals_as_text(signal: str, fits: bool) -> None:
     dae = lmoc.compile_text("model A input Real u = 0; Real x(start = 0, fixed = true); equation der(x) = u; end A;")
     if fits:
-        assert dae.simulate(stop=1, inputs={"u": signal})["x"][-1] == pytest.approx(3000 * (1 - 0.5403023058681398))
+        assert dae.simulate(stop=1, inputs={"u": signal})["x"][-1] == pytest.approx(3000*(1 - 0.5403023058681398))
     else:
         with pytest.raises(ModelError) as caught:
             dae.simulate(stop=1, inputs={"u": signal})

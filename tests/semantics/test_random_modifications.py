@@ -44,7 +44,7 @@ def scenes(draw: st.DrawFn) -> tuple[str, float]:
     if redeclare == "extends":
         base = [new, *([f"e.k = {k['extends']}"] if k["extends"] is not None else [])]
     element = f"{new};" if redeclare == "element" else ""
-    text = f"""model E1 parameter Real k = {k["type"] or 0}; end E1; model E2 extends E1; end E2;
+    text = f"""model E1 parameter Real k = {k['type'] or 0}; end E1; model E2 extends E1; end E2;
         model S {body} end S;
         model N extends S{f"({', '.join(base)})" if base else ""}; {element} end N;
         model A {"N" if not wrapped else "W1"} a{f"({wrap(outer, wrapped)})" if outer else ""}; end A;

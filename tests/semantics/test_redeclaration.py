@@ -64,17 +64,14 @@ def test_elements_are_redeclared_in_a_derived_class(base: str, derived: str, k: 
 
 
 def test_a_redeclared_class_is_meant_wherever_the_instance_names_it() -> None:
-    dae = flat(
-        f"""{CLASSES}
+    dae = flat(f"""{CLASSES}
         model S
           replaceable model E = E1;
           model Two E a; E b; end Two;
           E e; E many[2]; Two two;
         end S;
         model T extends S; end T;
-        model A S plain; S s(redeclare model E = E2(k = 3)); T t[2](redeclare model E = E3); end A;""",
-        "A",
-    )
+        model A S plain; S s(redeclare model E = E2(k = 3)); T t[2](redeclare model E = E3); end A;""", "A")
     assert [value(dae, f"plain.{n}.k") for n in ("e", "two.a")] == [1, 1]
     assert [value(dae, f"s.{n}.k") for n in ("e", "two.a", "two.b")] == [3, 3, 3]
     assert value(dae, "s.many.k") == [3, 3]
@@ -82,13 +79,10 @@ def test_a_redeclared_class_is_meant_wherever_the_instance_names_it() -> None:
 
 
 def test_a_redeclaration_uses_names_of_where_it_is_written() -> None:
-    dae = flat(
-        f"""{CLASSES}
+    dae = flat(f"""{CLASSES}
         model S replaceable model E = E1; E e[2]; end S;
         model A parameter Real p = 6; parameter Integer n = 2;
-          S s[n](redeclare model E = E1(k = p)); end A;""",
-        "A",
-    )
+          S s[n](redeclare model E = E1(k = p)); end A;""", "A")
     assert value(dae, "s.e.k") == [6, 6, 6, 6]
 
 
@@ -110,14 +104,11 @@ def test_a_redeclaration_uses_names_of_where_it_is_written() -> None:
     ],
 )
 def test_redeclared_functions(inside: str, use: str, factor: float) -> None:
-    dae = flat(
-        f"""{FUNCTIONS}
+    dae = flat(f"""{FUNCTIONS}
         model E {inside} Real x; Real y = f(x); equation x = time; end E;
         model D extends E(redeclare function f = f2); end D;
         model F extends E; redeclare function f = f2; end F;
-        model A parameter Real p = 7; {use} end A;""",
-        "A",
-    )
+        model A parameter Real p = 7; {use} end A;""", "A")
     (found,) = (text for text in equations(dae, "binding") if text.startswith("e.y"))
     if "= p" in use:
         assert found == "e.y = p*e.x"
@@ -178,13 +169,10 @@ def test_a_package_under_another_name() -> None:
     ],
 )
 def test_redeclarations_that_mean_nothing(text: str, code: str) -> None:
-    assert codes(
-        f"""{CLASSES}{FUNCTIONS}
+    assert codes(f"""{CLASSES}{FUNCTIONS}
         model S replaceable E1 e; E1 fixed_; replaceable model M = E1; replaceable function f = f1;
           replaceable parameter Real x = 1; M m; Real y = f(time); end S;
-        {text}""",
-        "A",
-    ) == [code]
+        {text}""", "A") == [code]
 
 
 def test_the_reason_of_a_refused_redeclaration_names_what_is_missing() -> None:
@@ -194,12 +182,9 @@ def test_the_reason_of_a_refused_redeclaration_names_what_is_missing() -> None:
 
 
 def test_a_redeclared_component_keeps_the_prefixes_and_the_dimensions() -> None:
-    dae = flat(
-        """type Length = Real(unit = "m");
+    dae = flat("""type Length = Real(unit = "m");
         model S replaceable parameter Real x[2] = {1, 2}; end S;
-        model A S s(redeclare Length x); end A;""",
-        "A",
-    )
+        model A S s(redeclare Length x); end A;""", "A")
     assert value(dae, "s.x") == [1, 2]
     assert dae.block_at(dae.find("s.x")[0]).unit == "m"
 
@@ -211,11 +196,8 @@ def test_classes_that_extend_each_other_are_refused() -> None:
 
 
 def test_a_package_can_extend_a_class_inside_of_it() -> None:
-    dae = flat(
-        """package P extends P.Icons.Base;
+    dae = flat("""package P extends P.Icons.Base;
         package Icons package Base constant Real a = 4; end Base; end Icons;
         model Q parameter Real k = a; end Q; end P;
-        model A P.Q q; parameter Real b = P.a; end A;""",
-        "A",
-    )
+        model A P.Q q; parameter Real b = P.a; end A;""", "A")
     assert [value(dae, n) for n in ("q.k", "b")] == [4, 4]

@@ -164,7 +164,6 @@ def test_the_same_guide_twice():
     assert run.energy.balance < 1e-7
     assert np.isnan(run["g.fn"]).all() and np.isnan(run["h.fn"]).all()
 
-
 PLATFORM = """
 model Platform "three parallel cranks whose feet are no straight line"
   import Planar.*;

@@ -6,8 +6,7 @@ from oracles.models import CONNECTED_SLIDER_CRANK
 
 import lmoc
 
-SLIDER_CRANK = (
-    """
+SLIDER_CRANK = """
 model Turned "a slider crank whose ground is turned"
   import Planar.*;
   parameter Real angle(unit = "rad") = 0;
@@ -18,12 +17,9 @@ model Turned "a slider crank whose ground is turned"
   Prismatic line(s(start = 1.4));
   Body slider(m = 1, J = 1);
 equation
-"""
-    + CONNECTED_SLIDER_CRANK
-    + """
+""" + CONNECTED_SLIDER_CRANK + """
 end Turned;
 """
-)
 TURNS = [0.0, 0.4, np.pi / 2, 3.0, np.pi, -np.pi / 2, 2 * np.pi, 100 * np.pi]
 
 

@@ -153,10 +153,8 @@ def test_rows_that_cannot_go_through_c_are_made_one_by_one(monkeypatch):
     assert many["x"][2, -1] == pytest.approx(np.cos(50.0), abs=1e-5)
     found, many = _in_lanes(monkeypatch, _compiled(2)[0], {"a": [0.1, 1.0]}, stop=2.0)
     assert found == {0} and many.failed.tolist() == [False, True] and "stopped" in many.reasons[1]
-    oscillator = lmoc.compile_text(
-        "model M Mass m(m = 1, q(start = 1)); Spring s(k = 9); Fixed w; equation "
-        "connect(w.flange, s.a); connect(s.b, m.flange); end M;"
-    )
+    oscillator = lmoc.compile_text("model M Mass m(m = 1, q(start = 1)); Spring s(k = 9); Fixed w; equation "
+                                   "connect(w.flange, s.a); connect(s.b, m.flange); end M;")
     found, many = _in_lanes(monkeypatch, oscillator, {"s.k": [9.0, 4.0, 0.0]}, stop=2.0, keep=("m.q",))
     assert {0, 1} <= found and many.end["m.q"] == pytest.approx(np.cos([6.0, 4.0, 0.0]), abs=1e-5)
 

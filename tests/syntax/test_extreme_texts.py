@@ -22,11 +22,13 @@ NESTED = {
     "calls": lambda n: f"model M Real x = {'sin(' * n}time{')' * n}; end M;",
     "powers": lambda n: f"model M Real x = {'(2^' * n}time{')' * n}; end M;",
     "functions": lambda n: (
-        f"function f input Real x; output Real y = x; algorithm end f;model M Real x = {'f(' * n}time{')' * n}; end M;"
+        "function f input Real x; output Real y = x; algorithm end f;"
+        f"model M Real x = {'f(' * n}time{')' * n}; end M;"
     ),
     "branches": lambda n: f"model M Real x; equation {'if true then ' * n}x = 1;{' end if;' * n} end M;",
     "loops": lambda n: (
-        f"model M Real x; equation {' '.join(f'for i{k} in 1:1 loop' for k in range(n))} x = 1;{' end for;' * n} end M;"
+        f"model M Real x; equation {' '.join(f'for i{k} in 1:1 loop' for k in range(n))}"
+        f" x = 1;{' end for;' * n} end M;"
     ),
     "classes": lambda n: (
         f"{' '.join(f'package P{k}' for k in range(n))} model M Real x = 1; end M;"

@@ -86,9 +86,7 @@ equation
   end for;
 end A;
 """
-    assert (
-        format(read(written))
-        == """// about
+    assert format(read(written)) == """// about
 model A  // what it is
   /* a block
      comment */
@@ -106,7 +104,6 @@ equation
   end for;
 end A;
 """
-    )
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,7 @@ def test_calls_arrays_and_iterators() -> None:
 
 def test_components() -> None:
     c = the_class(
-        'replaceable parameter Real[3] x[2](each start = 1, final unit = "m") = y if use "told" annotation(a = 1),'
+        "replaceable parameter Real[3] x[2](each start = 1, final unit = \"m\") = y if use \"told\" annotation(a = 1),"
         " z constrainedby Base(k = 2); protected inner flow output Boolean b;"
     )
     x, z, b = c.elements
@@ -209,7 +209,7 @@ def nodes(node: object) -> list:
 
 
 def test_every_node_covers_its_text() -> None:
-    written = 'model A\n  parameter Real k(unit = "N/m") = 2*(a + b) "told";\nequation\n  x = -f(y)[2];\nend A;\n'
+    written = "model A\n  parameter Real k(unit = \"N/m\") = 2*(a + b) \"told\";\nequation\n  x = -f(y)[2];\nend A;\n"
     written = written.replace("-f(y)[2]", "-f(y, z = w[2])")
     (a,) = read(written).classes
     k, equation = a.elements[0], a.equations[0]

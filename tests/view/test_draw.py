@@ -256,13 +256,10 @@ def test_many_parts_by_name_give_a_table_of_their_kinds():
 
 
 def test_parts_of_a_circuit_are_named_in_a_note():
-    found = drawn(
-        """
+    found = drawn("""
       connector Pin Real v(unit = "V"); flow Real i(unit = "A"); end Pin;
       model Resistor Pin p; equation p.v = 2*p.i; end Resistor;
-      model Scene Resistor r1, r2; Mass m(m = 1); equation connect(r1.p, r2.p); end Scene;""",
-        model="Scene",
-    )
+      model Scene Resistor r1, r2; Mass m(m = 1); equation connect(r1.p, r2.p); end Scene;""", model="Scene")
     assert found.notes == ("not drawn, for their ports neither move nor turn: r1, r2",)
     assert of(found, "m").symbol == "mass"
 
@@ -406,8 +403,7 @@ def test_a_car_stands_on_the_road_and_its_shafts_go_on_at_a_number():
 
 
 def test_wheels_stand_on_one_road_below_their_bodies():
-    found = (
-        lmoc.compile_text("""model Cars "A car and its trailer"
+    found = lmoc.compile_text("""model Cars "A car and its trailer"
       Mass car(m = 1), trailer(m = 1); Spring hook(k = 1); Wheel front(r = 0.3), rear(r = 0.4), third(r = 0.3);
       Inertia f(J = 1), r(J = 1); TorsionDamper bearing(c = 1); FixedShaft housing;
     equation
@@ -415,10 +411,7 @@ def test_wheels_stand_on_one_road_below_their_bodies():
       connect(front.flange, car.flange); connect(rear.flange, car.flange); connect(third.flange, trailer.flange);
       connect(front.shaft, f.shaft); connect(rear.shaft, r.shaft); connect(third.shaft, bearing.a);
       connect(bearing.b, housing.shaft);
-    end Cars;""")
-        .draw()
-        .picture
-    )
+    end Cars;""").draw().picture
     (road,) = all_of(found, "road")
     wheels = {i.part: i for i in all_of(found, "wheel") if i.part}
     disks = [i for i in all_of(found, "wheel") if any(getattr(s, "fill", "") == "body" for s in i.shapes)]

@@ -32,19 +32,11 @@ def configure(parser: Parser) -> None:
     add("--show", metavar="NAME,…", help="variables to draw (outputs, else states)")
     add("--phase", metavar="FILE", type=Path, help="draw one variable over another: the two of --show, else two states")
     add("--spectrum", metavar="FILE", type=Path, help="draw the amplitudes over the frequency")
-    add(
-        "--root-locus",
-        metavar="FILE",
-        type=Path,
-        help="draw the eigenvalues of the linear model over the values of --set k=FIRST:STEP:LAST",
-    )
+    add("--root-locus", metavar="FILE", type=Path,
+        help="draw the eigenvalues of the linear model over the values of --set k=FIRST:STEP:LAST")
     add("--units", metavar="UNIT,…", help="print and draw in these units, as mm,deg,rpm; files keep SI units")
-    add(
-        "--sensitivity",
-        metavar="NAME,…",
-        default="",
-        help="derivatives by these parameters and start values: at the end in the summary, over time in files",
-    )
+    add("--sensitivity", metavar="NAME,…", default="",
+        help="derivatives by these parameters and start values: at the end in the summary, over time in files")
     add("--events", action="store_true", help="list the events, and the modes of laws over time")
     add("--quiet", action="store_true", help="print nothing but errors")
     add("--json", action="store_true", help="print the summary as JSON")

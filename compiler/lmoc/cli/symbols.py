@@ -25,13 +25,8 @@ def add_symbol_arguments(parser: Parser) -> None:
 def add_place_arguments(parser: Parser) -> None:
     """--at and --equilibrium: where to be linear."""
     add = parser.add_argument
-    add(
-        "--at",
-        metavar="TIME|NAME=VALUE",
-        action="append",
-        default=[],
-        help="a time of the default run, or values of states and inputs; by default the equilibrium",
-    )
+    add("--at", metavar="TIME|NAME=VALUE", action="append", default=[],
+        help="a time of the default run, or values of states and inputs; by default the equilibrium")
     add("--equilibrium", metavar="N", type=ordinal, help="the N-th of those that `lmoc equilibria` lists")
 
 

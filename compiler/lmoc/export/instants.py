@@ -133,6 +133,7 @@ class _Layout(Memory):
         return int(self.plan.reduced.register_of[variable]) if variable >= 0 else -1
 
 
+
 def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float]) -> Instants:
     """Return the events of a plan; without any there are empty tables.
 
@@ -187,7 +188,9 @@ def _zeros(own: _Layout, layout: EventLayout | None) -> tuple[np.ndarray, Progra
     return np.concatenate(found), tuple(steps)
 
 
-def _told(own: _Layout, rows: Iterable[tuple[Expr, np.ndarray, bool, Callable[[int], str]]]) -> tuple[Told, Program]:
+def _told(
+    own: _Layout, rows: Iterable[tuple[Expr, np.ndarray, bool, Callable[[int], str]]]
+) -> tuple[Told, Program]:
     """Return conditions with their texts, and the steps that compute them."""
     steps, places, errors, texts = [], [NONE], [], []
     for condition, table, error, message in rows:

@@ -135,7 +135,6 @@ class Events:
     def clocks(self) -> np.ndarray:
         """Return the variables that say when samples are."""
         return np.concatenate([np.zeros(0, int), *(column for s in self.samples for column in (s.start, s.interval))])
-
     initial: int = -1
     terminal: int = -1
 

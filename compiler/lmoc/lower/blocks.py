@@ -101,16 +101,7 @@ def _block(writer: Writer, step: Solve, rule: ChainRule, found: Derivatives, kep
     work = 0 if step.linear else writer.reserve(instances * (2 * size + 2))
     return writer.block(
         SolveBlock(
-            step,
-            step.unknowns,
-            step.residuals,
-            fill,
-            np.zeros((instances, 0, size), np.int32),
-            pattern,
-            writer.reserve(fill.size if kept else fill.shape[1]),
-            writer.reserve(size),
-            work,
-            0,
-            kept,
+            step, step.unknowns, step.residuals, fill, np.zeros((instances, 0, size), np.int32), pattern,
+            writer.reserve(fill.size if kept else fill.shape[1]), writer.reserve(size), work, 0, kept,
         )  # fmt: skip
     )

@@ -25,6 +25,8 @@ LENGTH = (
 )
 # The same inside of `rows`, where each operand is a place and a flag.
 LENGTH_OF_ROWS = (
-    dict.fromkeys(UNARY, 5) | dict.fromkeys(BINARY, 7) | {"if": 9, "gather": 4, "strided": 5, "scatter": 4, "spread": 5}
+    dict.fromkeys(UNARY, 5)
+    | dict.fromkeys(BINARY, 7)
+    | {"if": 9, "gather": 4, "strided": 5, "scatter": 4, "spread": 5}
 )
 ARITY = {name: f.arity for name, f in FUNCTIONS.items()} | {"move": 1}

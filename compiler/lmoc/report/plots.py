@@ -231,7 +231,9 @@ def _signals(axis: Axes, run: Result, unit: str, names: list[str], display: Disp
     _rest_line(axis)
 
 
-def _family(axis: Axes, run: Result, names: list[str], total: int, values: Callable[[str], np.ndarray]) -> None:
+def _family(
+    axis: Axes, run: Result, names: list[str], total: int, values: Callable[[str], np.ndarray]
+) -> None:
     """Many curves: coloured by their place in the list, with the first and the last named."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable

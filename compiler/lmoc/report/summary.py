@@ -51,8 +51,7 @@ def as_data(run: Result) -> dict[str, Any]:
         "stop": run.time[-1],
         "stats": dict(run.stats),
         "timings": run.timings,
-        "energy": energy
-        and {
+        "energy": energy and {
             "balance": energy.balance,
             "stored": [energy.stored[0], energy.stored[-1]],
             "supplied": energy.supplied[-1],

@@ -109,3 +109,5 @@ def _distinct(folders: Sequence[Folder]) -> tuple[Folder, ...]:
     for folder in folders:
         seen.setdefault(folder.path.absolute(), folder)
     return tuple(seen.values())
+
+

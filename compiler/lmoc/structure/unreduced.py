@@ -95,7 +95,9 @@ def _as_it_stands(flat: FlatDAE, values: np.ndarray) -> Normalized:
     return Normalized(flat, values, (), np.zeros(0), own, order, nothing, nothing, tuple(groups), sums)
 
 
-def _open(system: EquationSystem, layout: RegisterLayout, square: SquareSystem, is_state: np.ndarray) -> Unreduced:
+def _open(
+    system: EquationSystem, layout: RegisterLayout, square: SquareSystem, is_state: np.ndarray
+) -> Unreduced:
     program, residual = _residuals(square, layout.count)
     variable, _ = layout.jets
     unknown = np.flatnonzero((system.column[variable] >= 0) & ~is_state)

@@ -241,3 +241,4 @@ def _rail(axis: Axes, failed: dict[str, list[Point]], styles: dict[str, Style]) 
 
 def _asked(point: Point) -> float:
     return point.setting.step if point.setting.fixed else point.setting.rtol
+

@@ -263,7 +263,9 @@ def fit(
     conditional = _conditional(misses, float(found.cost), max(variance, np.finfo(float).tiny))
     limit = _factor(freedom, sigma is None)
     profiles = {
-        unknowns[k].name: profile_of(k, unknowns[k], found.x, float(np.sqrt(made.covariance[k, k])), limit, conditional)
+        unknowns[k].name: profile_of(
+            k, unknowns[k], found.x, float(np.sqrt(made.covariance[k, k])), limit, conditional
+        )
         for k in named
     }
     return replace(made, profiles=profiles, evaluations=misses.count)

@@ -150,3 +150,5 @@ def _series(flat: FlatDAE, runs: Runs, name: str, times: np.ndarray, states: np.
         raise NotInLanes(f"'{name}' is no variable of the model")
     found = runs.of(variables, times, states)
     return found if is_array(flat, name) else np.ascontiguousarray(found[:, :, 0])
+
+

@@ -22,6 +22,7 @@ _UNSEEN = 0.1  # of a value that the data do not determine, of the first step
 _LOWER = 1e-3  # of the distance: what lies below the best value by more is a lower minimum
 
 
+
 @dataclass(frozen=True, eq=False)
 class Place:
     """The best values while one of them is held.

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lmoc.run import Run
 
 
+
 @dataclass(frozen=True, eq=False)
 class Rows:
     """What the runs of an ensemble are given.

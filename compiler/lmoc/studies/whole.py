@@ -72,12 +72,15 @@ class _Trial:
     found : by setting, those that have come to the end with their signals
     """
 
-    def __init__(self, runner: Runner, names: Sequence[str], longer: float, limit: float, progress: Progress) -> None:
+    def __init__(
+        self, runner: Runner, names: Sequence[str], longer: float, limit: float, progress: Progress
+    ) -> None:
         self.runner, self.names, self.longer, self.limit, self.progress = runner, names, longer, limit, progress
         self.found: dict[object, tuple[Point, Signals]] = {}
 
     def run(self, point: Point) -> tuple[Point, Signals] | None:
-        """Return a point of the whole run without its error, and its signals; None where that takes too long or fails."""
+        """Return a point of the whole run without its error, and its signals; None where that takes too long or fails.
+        """
         setting = point.setting
         if setting in self.found:
             return self.found[setting]

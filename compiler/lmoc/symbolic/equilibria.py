@@ -28,7 +28,6 @@ from lmoc.symbolic.values import NoValueError, exactly
 if TYPE_CHECKING:
     import sympy
 
-
 @dataclass(frozen=True, eq=False)
 class LawsAtRest:
     """The modes of a scene's laws in an equilibrium.

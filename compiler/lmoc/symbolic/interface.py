@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from lmoc.symbolic.numeric import NumericSystem
     from lmoc.symbolic.transfer import TransferFunction
 
-
 def symbolic(prepared: Prepared, variables: str | Sequence[str] = ()) -> SymbolicSystem:
     """Return the solved system, with the expressions of further variables.
 

@@ -126,7 +126,9 @@ class LinearModel:
     @cached_property
     def _numeric_A(self) -> np.ndarray:
         if self.symbolic:
-            raise refuse("eigenvalues need parameter values", hint="give the parameters values, or use symbolic=False")
+            raise refuse(
+                "eigenvalues need parameter values", hint="give the parameters values, or use symbolic=False"
+            )
         return self.A
 
     @property

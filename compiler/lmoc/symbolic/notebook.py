@@ -25,7 +25,6 @@ def table_html(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]
     ----------
     more : number of rows that are left out
     """
-
     def cell(value: object) -> str:
         return f"<td>{f'{value:.6g}' if isinstance(value, float) else escape(str(value))}</td>"
 

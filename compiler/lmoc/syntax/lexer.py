@@ -97,7 +97,7 @@ def _in_our_signs(source: Source, text: str, wrong: list[int]) -> tuple[str, Dia
     quote = next((at for at in wrong if ord(text[at]) in _QUOTES), None)
     if quote is not None:
         place = Span(source, quote, quote + 1)
-        hint = 'a string is written in straight quotes: "…"'
+        hint = "a string is written in straight quotes: \"…\""
         return text.translate(_QUOTES), Diagnostic("E0106", f"'{text[quote]}' means nothing here", place, hint=hint)
     odd = {at for at in wrong if text[at] in "%#"}
     comments = [m.span(1) for m in _OTHER_COMMENT.finditer(text) if m.start(1) in odd] if odd else []

@@ -197,7 +197,7 @@ def _no_unit_here(trouble: Trouble, last: int, unit: str, meaning: Unit) -> Diag
         "E0125",
         f"a number has no unit here: '{given} {unit}'",
         trouble.span(trouble.at, last),
-        hint=f'write {number}{same}; parameters and variables have units: Real k(unit = "{bare}"){product}',
+        hint=f"write {number}{same}; parameters and variables have units: Real k(unit = \"{bare}\"){product}",
     )
 
 

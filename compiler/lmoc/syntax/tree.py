@@ -18,7 +18,6 @@ from lmoc.syntax.node import Node, node
 @node
 class Number(Node):
     """``2``, ``1e-3``; `integer` where written as one."""
-
     value: float
     integer: bool
     span: Span
@@ -27,7 +26,6 @@ class Number(Node):
 @node
 class String(Node):
     """``"text"``, escapes replaced."""
-
     value: str
     span: Span
 
@@ -35,7 +33,6 @@ class String(Node):
 @node
 class Boolean(Node):
     """``true``, ``false``."""
-
     value: bool
     span: Span
 
@@ -43,7 +40,6 @@ class Boolean(Node):
 @node
 class RefPart(Node):
     """One name of a reference, with its subscripts."""
-
     name: str
     subscripts: tuple[Expression, ...]
     span: Span
@@ -52,7 +48,6 @@ class RefPart(Node):
 @node
 class Ref(Node):
     """``a.b[2].c``; `absolute` where it starts with a dot."""
-
     parts: tuple[RefPart, ...]
     absolute: bool
     span: Span
@@ -64,7 +59,6 @@ class Ref(Node):
 @node
 class Unary(Node):
     """An operator before its operand."""
-
     op: str  # "-", "+", "not"
     operand: Expression
     span: Span
@@ -73,7 +67,6 @@ class Unary(Node):
 @node
 class Binary(Node):
     """An operator between two operands."""
-
     op: str  # + - * / ^ .+ .- .* ./ .^ < <= > >= == <> and or
     left: Expression
     right: Expression
@@ -97,7 +90,6 @@ def _chain(first: Expression, then: list[tuple[str, Expression, Span]]) -> Expre
 @node
 class If(Node):
     """``if c then a elseif d then b else e``."""
-
     branches: tuple[tuple[Expression, Expression], ...]  # (condition, value), if and elseif
     otherwise: Expression
     span: Span
@@ -106,7 +98,6 @@ class If(Node):
 @node
 class Call(Node):
     """``f(a, b, k = c)``."""
-
     function: Ref  # der, sin, initial, pre, ... are ordinary references
     arguments: tuple[Expression, ...]
     named: tuple[tuple[str, Expression], ...]
@@ -116,7 +107,6 @@ class Call(Node):
 @node
 class ForIndex(Node):
     """``i in r``; without range ``i`` alone."""
-
     name: str
     range: Expression | None
     span: Span
@@ -125,7 +115,6 @@ class ForIndex(Node):
 @node
 class Comprehension(Node):
     """``{e for i in r}``, ``sum(e for i in r)`` (then the argument of a Call)."""
-
     element: Expression
     indices: tuple[ForIndex, ...]
     span: Span
@@ -134,7 +123,6 @@ class Comprehension(Node):
 @node
 class Range(Node):
     """``a:b``, ``a:step:b``."""
-
     start: Expression
     step: Expression | None
     stop: Expression
@@ -144,7 +132,6 @@ class Range(Node):
 @node
 class Array(Node):
     """``{a, b, c}``."""
-
     items: tuple[Expression, ...]
     span: Span
 
@@ -152,7 +139,6 @@ class Array(Node):
 @node
 class Matrix(Node):
     """``[a, b; c, d]``."""
-
     rows: tuple[tuple[Expression, ...], ...]
     span: Span
 
@@ -160,21 +146,18 @@ class Matrix(Node):
 @node
 class Colon(Node):
     """A subscript ``:``."""
-
     span: Span
 
 
 @node
 class EndSubscript(Node):
     """``end`` in a subscript."""
-
     span: Span
 
 
 @node
 class Tuple(Node):
     """``(a, , b)``: the left side of a call with several results; None where left out."""
-
     items: tuple[Expression | None, ...]
     span: Span
 
@@ -182,7 +165,6 @@ class Tuple(Node):
 @node
 class Field(Node):
     """A field of the record that an expression gives: no syntax, but what the value of a record says of a field."""
-
     record: Expression
     name: str
     span: Span
@@ -199,7 +181,6 @@ Expression = (
 @node
 class Modification(Node):
     """``(a = 1, b(start = 2)) = value``; either half may be absent."""
-
     arguments: tuple[Argument, ...]
     value: Expression | None
     span: Span
@@ -208,7 +189,6 @@ class Modification(Node):
 @node
 class ElementModification(Node):
     """``each final m = 2`` or ``spring(k = 3)``."""
-
     name: tuple[str, ...]
     modification: Modification | None
     each: bool
@@ -220,7 +200,6 @@ class ElementModification(Node):
 @node
 class Redeclaration(Node):
     """``redeclare Spring s(k = 3)`` or ``replaceable ...`` in a modification."""
-
     element: Component | Class
     each: bool
     final: bool
@@ -235,7 +214,6 @@ Argument = ElementModification | Redeclaration
 @node
 class Equality(Node):
     """``left = right``."""
-
     left: Expression
     right: Expression
     description: str
@@ -246,7 +224,6 @@ class Equality(Node):
 @node
 class Connect(Node):
     """``connect(left, right)``."""
-
     left: Ref
     right: Ref
     description: str
@@ -257,7 +234,6 @@ class Connect(Node):
 @node
 class For(Node):
     """``for i in r loop ... end for``."""
-
     indices: tuple[ForIndex, ...]
     body: tuple[Equation, ...]
     span: Span
@@ -268,7 +244,6 @@ class For(Node):
 @node
 class IfEquation(Node):
     """``if c then ... elseif d then ... else ... end if``."""
-
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     otherwise: tuple[Equation, ...]
     span: Span
@@ -279,7 +254,6 @@ class IfEquation(Node):
 @node
 class When(Node):
     """``when c then ... elsewhen d then ... end when``."""
-
     branches: tuple[tuple[Expression, tuple[Equation, ...]], ...]
     span: Span
     description: str = ""
@@ -289,7 +263,6 @@ class When(Node):
 @node
 class CallEquation(Node):
     """``assert(...)``, ``terminate(...)``, ``reinit(...)``."""
-
     call: Call
     description: str
     span: Span
@@ -304,7 +277,6 @@ Equation = Equality | Connect | For | IfEquation | When | CallEquation
 @node
 class Assignment(Node):
     """``x := e`` or ``(a, b) := f(x)``."""
-
     target: Ref | Tuple
     value: Expression
     span: Span
@@ -315,7 +287,6 @@ class Assignment(Node):
 @node
 class IfStatement(Node):
     """``if c then ... elseif d then ... else ... end if``."""
-
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     otherwise: tuple[Statement, ...]
     span: Span
@@ -326,7 +297,6 @@ class IfStatement(Node):
 @node
 class ForStatement(Node):
     """``for i in r loop ... end for``."""
-
     indices: tuple[ForIndex, ...]
     body: tuple[Statement, ...]
     span: Span
@@ -337,7 +307,6 @@ class ForStatement(Node):
 @node
 class WhileStatement(Node):
     """``while c loop ... end while``."""
-
     condition: Expression
     body: tuple[Statement, ...]
     span: Span
@@ -348,7 +317,6 @@ class WhileStatement(Node):
 @node
 class WhenStatement(Node):
     """``when c then ... elsewhen d then ... end when``."""
-
     branches: tuple[tuple[Expression, tuple[Statement, ...]], ...]
     span: Span
     description: str = ""
@@ -358,7 +326,6 @@ class WhenStatement(Node):
 @node
 class CallStatement(Node):
     """A function called for its effect: ``assert(...)``."""
-
     call: Call
     span: Span
     description: str = ""
@@ -368,7 +335,6 @@ class CallStatement(Node):
 @node
 class Return(Node):
     """``return``."""
-
     span: Span
     description: str = ""
     annotation: Modification | None = None
@@ -377,7 +343,6 @@ class Return(Node):
 @node
 class Break(Node):
     """``break``."""
-
     span: Span
     description: str = ""
     annotation: Modification | None = None
@@ -391,7 +356,6 @@ Statement = Assignment | IfStatement | ForStatement | WhileStatement | WhenState
 @node
 class Component(Node):
     """One declared name (``Real x, y;`` gives two)."""
-
     name: str
     type: Ref
     dimensions: tuple[Expression, ...]  # those of the type and of the name: Real[2] x[3] gives (3, 2)
@@ -417,7 +381,6 @@ class Component(Node):
 @node
 class Extends(Node):
     """``extends Base(k = 1)``."""
-
     base: Ref
     modification: Modification | None
     protected: bool
@@ -429,7 +392,6 @@ class Extends(Node):
 @node
 class Import(Node):
     """``import A.B;`` (alias "", wildcard False), ``import C = A.B;``, ``import A.*;``, ``import A.{b, c};``."""
-
     path: tuple[str, ...]
     alias: str
     wildcard: bool
@@ -442,7 +404,6 @@ class Import(Node):
 @node
 class Class(Node):
     """A class definition; a short one (``type Mass = Real(unit="kg")``) has `short` and no elements."""
-
     kind: str  # model block connector type record package function class ("operator" ones are not taken)
     name: str
     partial: bool
@@ -483,7 +444,6 @@ class Class(Node):
 @node
 class External(Node):
     """``external "builtin" y = f(x)``: a function that lmo has itself; without a call, that of the same name."""
-
     target: Ref | None
     call: Call | None
     span: Span
@@ -492,7 +452,6 @@ class External(Node):
 @node
 class ShortClass(Node):
     """The right-hand side of a short class definition."""
-
     base: Ref
     dimensions: tuple[Expression, ...]
     modification: Modification | None
@@ -506,7 +465,6 @@ Element = Component | Extends | Import | Class
 @node
 class File(Node):
     """A parsed text: ``within`` and the classes it defines."""
-
     within: tuple[str, ...]
     classes: tuple[Class, ...]
     span: Span

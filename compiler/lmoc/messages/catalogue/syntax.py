@@ -105,7 +105,7 @@ SYNTAX: dict[str, Entry] = {
     "E0125": Entry(
         "a unit behind a number",
         "A number has no unit: all are in SI units. The parameter or variable that it is given to has one, "
-        '`parameter Real k(unit = "N/m")`; those of the library\'s parts have theirs.',
+        "`parameter Real k(unit = \"N/m\")`; those of the library's parts have theirs.",
         "model A\n  Fixed wall;\n  Spring spring(k = 50 N/m);\nequation\n  connect(wall.flange, spring.a);\nend A;",
     ),
     "E0119": Entry(

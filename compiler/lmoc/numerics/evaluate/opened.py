@@ -20,7 +20,9 @@ def is_large(block: Solve) -> bool:
     return block.unknowns.shape[1] > LARGE_BLOCK
 
 
-def open_blocks(program: Program, chosen: Callable[[Solve], bool] = is_large) -> tuple[Program, np.ndarray, np.ndarray]:
+def open_blocks(
+    program: Program, chosen: Callable[[Solve], bool] = is_large
+) -> tuple[Program, np.ndarray, np.ndarray]:
     """Return the program with some blocks replaced by their inner steps; their unknowns and residuals."""
     steps, unknowns, residuals = [], [np.zeros(0, int)], [np.zeros(0, int)]
     for step in program:

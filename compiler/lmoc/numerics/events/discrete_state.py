@@ -224,9 +224,9 @@ class DiscreteState:
         count, passed = self.layout.zero_count, t - self._begun
         rates = _finite(self.layout.rounding(w, t))[count:]
         way = _finite(np.fmax(np.abs(x), passed * np.abs(w[plan.derivatives]))) if passed > 0 else np.zeros(len(x))
-        self._instant.bound[:] = _finite(self.layout.rounding(w, t, (plan.states, ULP * way + 2.0 * passed * rates)))[
-            :count
-        ]
+        self._instant.bound[:] = _finite(
+            self.layout.rounding(w, t, (plan.states, ULP * way + 2.0 * passed * rates))
+        )[:count]
         self._instant.way[:] = way
         return True
 

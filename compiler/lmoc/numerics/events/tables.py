@@ -90,7 +90,9 @@ def event_tables(layout: EventLayout, memory: Memory, told: Sequence[Condition])
             lines.append(step)
             found.append(out)
     assign = [
-        Apply(s.value, memory.places(s.slots), memory.places(s.target)) for s in plan.reduced.discrete if s.relation < 0
+        Apply(s.value, memory.places(s.slots), memory.places(s.target))
+        for s in plan.reduced.discrete
+        if s.relation < 0
     ]
     states = {int(register): k for k, register in enumerate(plan.states)}
     reinits: list[list[np.ndarray]] = [[], [], []]

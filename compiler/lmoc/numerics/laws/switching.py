@@ -383,6 +383,7 @@ class LawSwitching:
             )
         return events
 
+
     def _end_of_bounces(self, law: int, t: float, until: float) -> float:
         """Return when the bounces of a law are over that ends them now.
 

@@ -85,6 +85,8 @@ class Aside:
         return found
 
 
+
+
 @dataclass(eq=False, repr=False)
 class Observer:
     """The data needed to compute variables from states: the plan, and the parameter values and signals of the run.

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.solve.together import Together
 
 
+
 class Evaluate(Protocol):
     """Values of registers at some times, as `Slice.bind` returns it."""
 
@@ -166,6 +167,7 @@ class Slice:
             return result
 
         return evaluate
+
 
     def across(self, base: np.ndarray, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return values (runs, times, registers) of many runs at the same times, with the bits of single runs.

@@ -14,7 +14,9 @@ class Solutions:
         self._place: tuple[np.ndarray, np.ndarray] | None = None
         self._columns: dict[int, np.ndarray] = {}
 
-    def fill(self, times: np.ndarray, states: np.ndarray, registers: np.ndarray, guesses: np.ndarray) -> np.ndarray:
+    def fill(
+        self, times: np.ndarray, states: np.ndarray, registers: np.ndarray, guesses: np.ndarray
+    ) -> np.ndarray:
         """Write the known solutions into guesses (times, registers); the mask of the registers that have them.
 
         Parameters

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.problem.mode import Mode
 
 
+
 @dataclass(frozen=True, eq=False, repr=False)
 class SegmentRecord:
     """A part of a run with one reduction, one mode, one choice of coordinates.

@@ -201,7 +201,9 @@ def shifted(observer: Observer, direction: Direction, change: float, base: np.nd
     ----------
     base : (registers,) the derivatives of what does not change between events
     """
-    return replace(observer, values=direction.values(change), base=observer.base + change * base, solutions=Solutions())
+    return replace(
+        observer, values=direction.values(change), base=observer.base + change * base, solutions=Solutions()
+    )
 
 
 def base_derivatives(observer: Observer, directions: Sequence[Direction]) -> np.ndarray:

@@ -19,7 +19,9 @@ from lmoc.numerics.start.targets import Targets
 ROUNDOFF = 1e-14  # a gradient below this share of the value wanted is none
 
 
-def _parts(plan: Plan, equations: InitialEquations, outputs: np.ndarray) -> tuple[Program, Interpreter, Jacobian]:
+def _parts(
+    plan: Plan, equations: InitialEquations, outputs: np.ndarray
+) -> tuple[Program, Interpreter, Jacobian]:
     """Return the evaluator of the outputs; without initial equations it depends on them alone, and is cached."""
     kept = plan.once(_kept_parts) if not len(equations.out) else {}
     key = outputs.tobytes()

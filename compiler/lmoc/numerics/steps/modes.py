@@ -22,7 +22,9 @@ class Modes:
     exact one is computed by numpy for many scenes, and takes as long as hundreds.
     """
 
-    def __init__(self, problem: Problem, outcome: Outcome, differences: Differences | None = None) -> None:
+    def __init__(
+        self, problem: Problem, outcome: Outcome, differences: Differences | None = None
+    ) -> None:
         """
         Parameters
         ----------

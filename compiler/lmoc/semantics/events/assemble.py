@@ -104,7 +104,9 @@ def _used(shapes: list[Expr], slots: np.ndarray) -> tuple[list[Expr], np.ndarray
     columns = sorted({leaf.value[0] for shape in shapes for leaf in dag.slots(shape)})
     if columns == list(range(slots.shape[1])):
         return shapes, slots
-    new = {leaf: dag.slot(columns.index(leaf.value[0]), leaf.value[1]) for shape in shapes for leaf in dag.slots(shape)}
+    new = {
+        leaf: dag.slot(columns.index(leaf.value[0]), leaf.value[1]) for shape in shapes for leaf in dag.slots(shape)
+    }
     return [dag.substitute(shape, new) for shape in shapes], slots[:, columns]
 
 

@@ -69,7 +69,9 @@ class Extraction:
     def variables(self, text: str, rows: int, kind: Kind, quantity: str, part: int, span: Span | None) -> np.ndarray:
         """Add a block of variables; their indices."""
         path = ((text, (rows,) if rows != 1 else ()),)
-        self.blocks.append(Block(path, self.count, rows, kind, quantity=quantity, protected=True, part=part, span=span))
+        self.blocks.append(
+            Block(path, self.count, rows, kind, quantity=quantity, protected=True, part=part, span=span)
+        )
         first, self.count = self.count, self.count + rows
         return np.arange(first, first + rows)
 

@@ -108,7 +108,9 @@ def nothing(context: Context, variable: LocalVariable, function: Scope) -> Value
     return value
 
 
-def fields_as_declared(context: Context, cls: Scope, modification: tree.Modification | None, where: Place) -> Value:
+def fields_as_declared(
+    context: Context, cls: Scope, modification: tree.Modification | None, where: Place
+) -> Value:
     """Return a record with the values that its class and a modification, written in `where`, give to its fields."""
     declared = declared_in(cls)
     values: dict[str, Value] = {}

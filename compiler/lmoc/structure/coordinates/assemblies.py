@@ -219,7 +219,9 @@ class Loops:
         own = (jacobian / np.where(size > 0, size, 1.0)[:, None])[:, ~self.held]
         return bool(np.linalg.matrix_rank(own, _DEPENDENT) == own.shape[1])
 
-    def _distinct(self, points: np.ndarray, counts: np.ndarray, ended: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _distinct(
+        self, points: np.ndarray, counts: np.ndarray, ended: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Add further ends to those found so far, turned to where they are nearest to what is wished."""
         angle = self.turns.angle
         for x in ended:

@@ -60,7 +60,9 @@ class InitialRows:
         each = [(np.flatnonzero(leaf.unknown), leaf.jet[leaf.unknown]) for leaf in self.leaves.values()]
         return np.concatenate([r for r, _ in each]), np.concatenate([j for _, j in each])
 
-    def linearized(self, value_of: Callable[[np.ndarray], np.ndarray], time: float) -> tuple[np.ndarray, np.ndarray]:
+    def linearized(
+        self, value_of: Callable[[np.ndarray], np.ndarray], time: float
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return the residuals (…, rows), and the entries of the Jacobian (…, nnz) in the order of `entries`.
 
         Parameters

@@ -142,7 +142,9 @@ def select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray) -> Sel
     return second if isinstance(second, Selection) and second.count < first.count else first
 
 
-def _select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray) -> Selection | Candidate:
+def _select(
+    system: EquationSystem, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray
+) -> Selection | Candidate:
     c, d = preferences.offsets_with_room(system, match, wanted, liked)
     sample = generic(system, int(d.max(initial=0)))
     tied, start = constraint_matrix(system, c, d, sample)

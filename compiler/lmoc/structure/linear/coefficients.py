@@ -210,7 +210,9 @@ def compound_coefficients(shape: Expr, kinds: Kinds) -> tuple[tuple[Expr, Expr],
 Numbers = np.ndarray | float  # of all rows, or one for all of them
 
 
-def value_and_size(root: Expr, value: np.ndarray, size: np.ndarray, time: float = np.nan) -> tuple[Numbers, Numbers]:
+def value_and_size(
+    root: Expr, value: np.ndarray, size: np.ndarray, time: float = np.nan
+) -> tuple[Numbers, Numbers]:
     """Value of an expression without derivatives, and the sum of the magnitudes of the terms it is made of.
 
     Parameters

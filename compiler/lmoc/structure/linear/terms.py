@@ -73,7 +73,9 @@ def generic(variable: np.ndarray, order: int, point: int = 0) -> np.ndarray:
     return 0.2 + (variable + 1 + 0.754877666 * order + 0.569840291 * point) * GOLDEN * (1 + point) % 1.0
 
 
-def value_at(expr: Expr, g: Rows, known: np.ndarray, point: int = 0, place: np.ndarray | None = None) -> np.ndarray:
+def value_at(
+    expr: Expr, g: Rows, known: np.ndarray, point: int = 0, place: np.ndarray | None = None
+) -> np.ndarray:
     """(rows,) values of an expression at a generic point; 0 where its terms cancel to within roundoff.
 
     Parameters

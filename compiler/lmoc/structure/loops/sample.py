@@ -100,7 +100,9 @@ def given(
     return Sample(value, time), ease
 
 
-def _fix(system: EquationSystem, target: np.ndarray, numbers: np.ndarray, value: np.ndarray, ease: np.ndarray) -> None:
+def _fix(
+    system: EquationSystem, target: np.ndarray, numbers: np.ndarray, value: np.ndarray, ease: np.ndarray
+) -> None:
     """Let variables be fixed in `ease`, at some numbers."""
     if not len(target):
         return

@@ -331,7 +331,9 @@ def _has_its_signs(scene: Lawful, mode: Prepared, rest: Equilibrium, choice: Law
     return bool((numbers >= -ZERO * (1.0 + np.abs(numbers).max(initial=0.0))).all())
 
 
-def _within_limits(scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: LawChoice) -> list[Equilibrium]:
+def _within_limits(
+    scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: LawChoice
+) -> list[Equilibrium]:
     """Return an equilibrium of a mode where its laws allow it: once, never, or on intervals of its free state."""
     held = [s for s in rest.free if any(k in FRICTIONS for k, c in zip(system.kinds, choice.closed, strict=True) if c)]
     if not held:

@@ -185,3 +185,4 @@ class _Values:
             return float(self.run[name][self.at])
         except KeyError:  # the derivative of an input
             return None
+

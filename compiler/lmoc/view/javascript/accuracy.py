@@ -58,7 +58,9 @@ def refinement(observer: Observer, time: float, x: np.ndarray) -> dict[str, floa
 
 def seeds(observer: Observer, time: float, x: np.ndarray) -> list[list[float]]:
     """Return [register, value] of the unknowns of nonlinear blocks at the start: the branch of the run."""
-    unknowns = [s.unknowns.ravel() for s in walk(observer.plan.full_program) if isinstance(s, Solve) and not s.linear]
+    unknowns = [
+        s.unknowns.ravel() for s in walk(observer.plan.full_program) if isinstance(s, Solve) and not s.linear
+    ]
     if not unknowns:
         return []
     registers = np.unique(np.concatenate(unknowns))

@@ -118,7 +118,9 @@ def overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def cleared(items: Sequence[Item]) -> list[Item]:
     """Return a picture in which no label stands on another: those that do move to the nearest free place."""
     made = list(items)
-    where = [(k, n) for k, i in enumerate(made) for n, s in enumerate(i.drawn) if isinstance(s, Label) and s.text]
+    where = [
+        (k, n) for k, i in enumerate(made) for n, s in enumerate(i.drawn) if isinstance(s, Label) and s.text
+    ]
     boxes = np.array([box(made[k].drawn[n], made[k].frame()) for k, n in where]).reshape(-1, 4)
     points = np.array([p for item in made for p in points_of(item)]).reshape(-1, 2)
     for i, (k, n) in enumerate(where):

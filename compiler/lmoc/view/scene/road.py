@@ -20,7 +20,9 @@ ARROWS = 44.0  # beside and above a wheel, where arrows and names are
 BEYOND = 26.0  # of the road, at both ends
 
 
-def draw_road(wheels: Sequence[Element], strip: Strip | None, shafts: Mapping[str, Turning], hanging: Hanging) -> Block:
+def draw_road(
+    wheels: Sequence[Element], strip: Strip | None, shafts: Mapping[str, Turning], hanging: Hanging
+) -> Block:
     """Return the wheels of one line of bodies, which lies level; +q is to the right, so that they turn clockwise.
 
     Parameters

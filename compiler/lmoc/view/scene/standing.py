@@ -36,7 +36,9 @@ def body(layout: Layout, node: int, low: float, high: float) -> None:
 def goes_on(node: int, end: Anchor) -> Item:
     """Return the mark at which a line breaks off that goes on at a node; its number is given later (`joined`)."""
     label = Label("", (0.0, 0.0, 0.0), size=11.0, colour="muted")
-    return Item("continuation", "", (end,), (Circle((0.0, 0.0, 0.0), MARK, "paper", "muted"), label), nodes=(node,))
+    return Item(
+        "continuation", "", (end,), (Circle((0.0, 0.0, 0.0), MARK, "paper", "muted"), label), nodes=(node,)
+    )
 
 
 def hub(layout: Layout, node: int, low: float, high: float) -> None:

@@ -53,3 +53,4 @@ def _row(flat: FlatDAE, part: Part, kind: str, n: int, y: float, names: Names) -
         yield symbols.box("box", name, Anchor(35, y), (-20, -14, 20, 14), "")
     yield symbols.label(f"{n} × {shortened(name)}", Anchor(90, y), 0, 0, "start", name)
     yield symbols.label(shortened(part.pattern), Anchor(280, y), 0, 0, "start", name, "muted")
+

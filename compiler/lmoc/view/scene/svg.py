@@ -92,7 +92,10 @@ def _text(label: Label, frame: Frame) -> str:
         off = shift
     anchor = "" if label.anchor == "start" else f' text-anchor="{label.anchor}"'
     colour = f'style="fill:{label.colour}"' if _is_given(label.colour) else f'class="{label.colour}"'
-    return f'<text x="{_n(x)}" y="{_n(base)}" font-size="{_n(label.size)}"{anchor} {colour}>{"".join(pieces)}</text>'
+    return (
+        f'<text x="{_n(x)}" y="{_n(base)}" font-size="{_n(label.size)}"{anchor} {colour}>'
+        f"{''.join(pieces)}</text>"
+    )
 
 
 def _n(value: float) -> str:

@@ -312,3 +312,5 @@ def _order(strip: Strip, gears: Sequence[tuple[Element, int, int]]) -> tuple[lis
         used.add(step[0].name)
         meshes.append((step[0], order[-1], step[1]))
         order.append(step[1])
+
+
