@@ -155,3 +155,20 @@ def test_choices_that_take_turns_without_getting_on_end_a_run(monkeypatch):
     monkeypatch.setattr(Changes, "_changed", lambda changes, segment, outcome: Continuation(segment, outcome.x))
     with pytest.raises(lmoc.SimulationError, match="have been exchanged 100 times without progress"):
         lmoc.compile_text(ROCKER).simulate(stop=1.0)
+
+
+def test_a_crank_that_passes_near_its_change_point_many_times():
+    """No forces, two flywheels: the time follows from the energy and the ratio of speeds, over the crank's angle."""
+    run = lmoc.compile(ROOT / "models/hard/h03_four_bar.lmo").simulate(initial={"left.omega": 20.0}, stop=3, rtol=1e-8)
+
+    def slopes(theta: float, z: np.ndarray) -> list[float]:
+        c, s = 1.001 * np.cos(z[0]), 1.001 * np.sin(z[0])
+        dx, dy = 2 + c - np.cos(theta), s - np.sin(theta)
+        ratio = (dy * np.cos(theta) - dx * np.sin(theta)) / (dy * c - dx * s)
+        return [ratio, np.sqrt((1 + 0.5 * ratio**2) / energy)]
+
+    energy = 20.0**2 * (1 + 0.5 * run["k"][0] ** 2)
+    theta, phi = run["theta"], run["phi"]
+    exact = solve_ivp(slopes, (theta[0], theta[-1]), [phi[0], 0], "DOP853", theta, rtol=1e-12, atol=1e-13).y
+    assert np.abs(exact[0] - phi).max() < 1e-8 and np.abs(exact[1] - run.time).max() < 1e-7
+    assert went_over(run) and len(run.coordinates) < 10 and theta[-1] > 9 * 2 * np.pi

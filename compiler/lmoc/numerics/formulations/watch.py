@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from lmoc.numerics.formulations.index_two import IndexTwo
 
 # smallest singular value of a loop's closures, in rows of the lengths that they have had: below which steps are looked
-# at closely, below which a place without a way on is singular, and below which it is so in any case
-_NEAR, _DEPENDENT, _SINGULAR = 0.3, 1e-2, 1e-4
+# at closely, below which a place without a way on is singular, below which shorter steps are no way past it, and below
+# which it is singular in any case
+_NEAR, _DEPENDENT, _CLOSE, _SINGULAR = 0.3, 1e-2, 1e-3, 1e-4
 _CHANGE, _TURN = 2.0, 0.9  # most change of that value in one step there, and least cosine between the tangent spaces
 _STALLED = 1e-9  # of the run: a step as short does not come past a place where they do
 
@@ -92,7 +93,8 @@ class LoopWatch:
             self._least = min(now.margin, last.margin)
             self.longest, self._beyond = (t - self.before) / 4, max(t, self._beyond)
             return Status.COORDINATES
-        if self.longest < np.inf and self.before > self._beyond and min(now.margin, last.margin) > _NEAR:
+        far = self._firm or min(now.margin, last.margin) > _NEAR
+        if self.longest < np.inf and self.before > self._beyond and far:
             self.longest = np.inf
             return Status.COORDINATES
         self._accept(t, x, now)
@@ -110,8 +112,8 @@ class LoopWatch:
 
     @property
     def is_near(self) -> bool:
-        """Return whether the closures come near to a place where they depend on each other, or there is no way on."""
-        return bool(self.reason) or self._least < _NEAR
+        """Return whether the closures come to a place where they depend on each other, or there is no way on."""
+        return bool(self.reason) or self._least < _CLOSE
 
     def why(self, status: Status) -> str:
         """Return why a run could not go on, where more is known than its status."""

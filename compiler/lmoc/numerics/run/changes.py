@@ -26,7 +26,8 @@ from lmoc.numerics.task.task import Segment, Task
 from lmoc.support.records import dataclass
 
 _OFTEN = 3  # changes of coordinates after which …
-_AHEAD = 40  # … all are integrated where so many more lie ahead
+_AHEAD = 8  # … all are integrated where so many more lie ahead, which cost about as much as the way to all, …
+_FAR = 0.1  # … and the smallest singular value of the constraints is no smaller, so that steps in C can begin there
 _WIDER = 2.0  # by which the smallest singular value must be larger with other constraints left out
 _NEARER = 3.0  # by which it must be smaller for that to be tried again
 _STALLED = 40  # attempts to come on from one place
@@ -181,7 +182,7 @@ class Changes:
             return None
         ahead = (len(self._times) - 1) * (span.end - t) / (t - self._times[0])
         suits = requested.form.name == "auto" and task.options.solver in STEPPED_IN_C
-        if ahead < _AHEAD or not suits or task.others is None:
+        if ahead < _AHEAD or segment.watch.accepted.margin < _FAR or not suits or task.others is None:
             return None
         made = task.others.of_loops(segment.observer.signals, task.options.energy)
         continuation = None if made is None else self._begun(segment, outcome, *made)
