@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -280,6 +281,29 @@ def test_the_command_tells_what_came_out(tmp_path, monkeypatch, capsys):
     for wrong in (["--sample", "k~normal(1)"], ["--sample", "k"], [], ["--sample", "k~cauchy(1,2)"],
                   ["--sample", "kk~uniform(0,1)"], ["--sample", "k~uniform(1,2)", "-o", "x.txt"]):  # fmt: skip
         assert main(["study", "swing.lmo", *wrong]) == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "wrong", "told"),
+    [
+        ("parameters", "k", np.nan, "E0530.*'k' is not a number"),
+        ("parameters", "k", None, "E0530.*'k' is not a number"),
+        ("parameters", "on", 0.5, "E0301.*'on' must be true or false"),
+        ("initial", "x", np.nan, "E0621.*'x' does not fit, found nan"),
+        ("inputs", "f", "sin(tme)", "E0521.*not understood at 'tme'"),
+        ("inputs", "f", "sin(", "E0521.*not a formula"),
+        ("inputs", "f", (np.array([0.0, 1.0]), np.array([0.0, np.nan])), "E0625.*nan is not a finite number"),
+    ],
+)
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_wrong_value_of_one_run_is_a_row_with_its_reason(kind, name, wrong, told, place):
+    """Whichever row it is in: the other runs are made."""
+    dae = lmoc.compile_text(SWING.replace("Real v(", "parameter Boolean on = true; Real v("))
+    values = [0.0, 0.0]
+    values[place] = wrong
+    many = dae.ensemble(**{kind: {name: values}}, stop=0.5, points=3, workers=1)
+    assert many.failed.tolist() == [place == 0, place == 1]
+    assert re.search(told, many.reasons[place]) and np.isfinite(many["x"][1 - place]).all()
 
 
 # ------------------------------------------------------------------------------------------------ Dask

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from lmoc.ir.names import hint_for, names_of, outputs_of
-from lmoc.messages.diagnostics import Report
+from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.numerics.options.options import RunOptions
 from lmoc.numerics.run.simulate import check_options
 from lmoc.parameters import indexed
 from lmoc.report.result import is_array
 from lmoc.session import Session
-from lmoc.studies.rows import Rows
+from lmoc.studies.rows import Rows, concerns_all_runs
 from lmoc.support.records import dataclass
 
 
@@ -52,7 +52,11 @@ def job_of(
     """
     flat = session.flat
     first = rows.request(0)
-    indexed(flat, first["parameters"])
+    try:
+        indexed(flat, first["parameters"])
+    except ModelError as error:
+        if concerns_all_runs(error, rows):
+            raise
     report = Report()
     span = check_options(options, session.reduced, report)
     names = names_of(keep) or outputs_of(flat) or tuple(session.reduced.state_names)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from lmoc.numerics.observe.event import Event
     from lmoc.run import Run
 
+# what may be wrong with the values of one run, as far as these differ between runs
+_OF_ONE_RUN = {"initial": frozenset({"E0621"}), "inputs": frozenset({"E0521", "E0522", "E0625"})}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,7 @@ class Rows:
 
         def own(values: np.ndarray) -> object:
             value = values[row]
-            return value.item() if np.ndim(value) == 0 else value
+            return value.item() if isinstance(value, np.generic) else value
 
         initial = self.same["initial"]
         if self.initial:
@@ -135,13 +137,14 @@ def row_of(run: Run | None, names: Sequence[str], times: np.ndarray, shapes: Map
     return Row(found, reason, run.events)
 
 
-def concerns_all_runs(error: ModelError) -> bool:
+def concerns_all_runs(error: ModelError, rows: Rows) -> bool:
     """Return whether an error is about what was asked for, so that no run can be made."""
+    own = frozenset().union(*(codes for kind, codes in _OF_ONE_RUN.items() if getattr(rows, kind)))
     wrong = [d for d in error.diagnostics if d.severity == "error"]
-    return bool(wrong) and all(map(is_of_the_request, wrong))
+    return bool(wrong) and all(is_of_the_request(d) and d.code not in own for d in wrong)
 
 
-def reason_of(failure: BaseException) -> tuple[str, Run | None]:
+def reason_of(failure: BaseException, rows: Rows) -> tuple[str, Run | None]:
     """Return why a run failed, and the part of it that there is.
 
     Raises
@@ -154,8 +157,9 @@ def reason_of(failure: BaseException) -> tuple[str, Run | None]:
     if isinstance(failure, SimulationError):
         return str(failure), failure.partial  # type: ignore[return-value]
     if isinstance(failure, ModelError):
-        if concerns_all_runs(failure):
+        if concerns_all_runs(failure, rows):
             raise failure
         wrong = [d for d in failure.diagnostics if d.severity == "error"]
-        return "; ".join(f"[{d.code}] {d.message}" for d in wrong), None
+        found = [f", found {d.found}" if d.found else "" for d in wrong]
+        return "; ".join(f"[{d.code}] {d.message}{f}" for d, f in zip(wrong, found, strict=True)), None
     raise failure

@@ -44,7 +44,8 @@ def nearest(begin: np.ndarray, weight: np.ndarray, linearized: Linearized, place
         found = closed(first if not attempt and free.all() else fitted(first, free, linearized), weight, linearized)
         if found is None or np.abs(found).max() > FAR * max(scale, 1.0):
             continue
-        cost = float(np.sum(((found - begin) / scale)[~free] ** 2 / weight[~free]))
+        with np.errstate(over="ignore"):  # that is far away
+            cost = float(np.sum(((found - begin) / scale)[~free] ** 2 / weight[~free]))
         if cost < best_cost:
             best, best_cost = found, cost
         if best_cost <= NEAR:
