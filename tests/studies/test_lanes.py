@@ -130,7 +130,7 @@ def _in_lanes(monkeypatch, dae, *given, **options):
 
     def seen(job, rows):
         made = lanes.rows_in_lanes(job, rows)
-        found.update(made)
+        found.update(row for part, _ in made for row in part)
         return made
 
     monkeypatch.setattr(batch, "rows_in_lanes", seen)
@@ -153,8 +153,10 @@ def test_rows_that_cannot_go_through_c_are_made_one_by_one(monkeypatch):
     assert many["x"][2, -1] == pytest.approx(np.cos(50.0), abs=1e-5)
     found, many = _in_lanes(monkeypatch, _compiled(2)[0], {"a": [0.1, 1.0]}, stop=2.0)
     assert found == {0} and many.failed.tolist() == [False, True] and "stopped" in many.reasons[1]
-    oscillator = lmoc.compile_text("model M Mass m(m = 1, q(start = 1)); Spring s(k = 9); Fixed w; equation "
-                                   "connect(w.flange, s.a); connect(s.b, m.flange); end M;")
+    oscillator = lmoc.compile_text(
+        "model M Mass m(m = 1, q(start = 1)); Spring s(k = 9); Fixed w; equation "
+        "connect(w.flange, s.a); connect(s.b, m.flange); end M;"
+    )
     found, many = _in_lanes(monkeypatch, oscillator, {"s.k": [9.0, 4.0, 0.0]}, stop=2.0, keep=("m.q",))
     assert {0, 1} <= found and many.end["m.q"] == pytest.approx(np.cos([6.0, 4.0, 0.0]), abs=1e-5)
 
@@ -194,3 +196,26 @@ def test_scenes_with_laws_are_planned_once(monkeypatch):
     values = {"e": np.linspace(0.5, 0.8, 6)}, {"ball.q": np.linspace(1, 2, 6)}
     many = dae.ensemble(*values, stop=2.0, points=5, workers=1)
     assert len(planned) == 1 and not many.failed.any() and all(many.events)
+
+
+MASSLESS = """
+model Massless "two springs and a damper in series, and a lever: forces from linear blocks"
+  Fixed wall; Spring s1(k = 2), s2(k = 3), s3(k = 1); Damper d(c = 1); Mass m(m = 1, q(start = 1), v(start = 0));
+equation
+  connect(wall.flange, s1.a); connect(s1.b, s2.a); connect(s2.b, s3.a); connect(s3.b, m.flange);
+  connect(wall.flange, d.a); connect(d.b, s2.b);
+end Massless;
+"""
+
+
+@pytest.mark.parametrize("model", [MASSLESS, COUPLED, LONG])
+def test_assumptions_on_the_values_of_many_runs_are_those_of_each(model):
+    reduced, rng = lmoc.compile_text(model)._session.reduced, np.random.default_rng(3)
+    values = np.repeat(reduced.values[:, None], 60, axis=1)
+    known = np.flatnonzero(np.isfinite(reduced.values))
+    for column in values.T[1:]:
+        some = rng.choice(known, 2)
+        column[some] *= rng.choice([0, -1, -1.5, 1e-20, 1e20, 2, np.nan], 2)
+    held = reduced.guards_hold(values)
+    assert held.tolist() == [reduced.broken_guard(own.copy()) is None for own in values.T]
+    assert held[0] and not held.all()

@@ -37,6 +37,7 @@ from lmoc.structure.loops.manifold import without_dependent
 from lmoc.structure.normalize import normalize
 from lmoc.structure.registers.assemble import Solved, assemble
 from lmoc.structure.registers.layout import RegisterLayout
+from lmoc.support.records import dataclass
 
 
 def reduce(
@@ -135,15 +136,26 @@ def _regularity(normalized: Normalized, layout: RegisterLayout, solution: Soluti
     by_assumption: dict[str, list[Callable[[np.ndarray], np.ndarray]]] = {}
     for assumption, fails in solution.tests:
         by_assumption.setdefault(assumption, []).append(fails)
-    return [Guard(partial(_holds, normalized, layout, tests), text) for text, tests in by_assumption.items()]
+    return [Guard(_Regular(normalized, layout, tests), text) for text, tests in by_assumption.items()]
 
 
-def _holds(
-    normalized: Normalized, layout: RegisterLayout, tests: list[Callable[[np.ndarray], np.ndarray]], values: np.ndarray
-) -> bool:
-    known = np.concatenate([values, derived_values(normalized.derived, values)])
-    registers = layout.known_values(known)
-    return not any(fails(registers).any() for fails in tests)
+@dataclass(frozen=True, eq=False)
+class _Regular:
+    """Whether no test of blocks fails."""
+
+    normalized: Normalized
+    layout: RegisterLayout
+    tests: list[Callable[[np.ndarray], np.ndarray]]
+
+    def __call__(self, values: np.ndarray) -> bool:
+        return bool(self.of_runs(values))
+
+    def of_runs(self, values: np.ndarray) -> np.ndarray:
+        """Return the same (runs,) for values (variables, runs)."""
+        known = np.concatenate([values, derived_values(self.normalized.derived, values)])
+        registers = self.layout.known_values(known)
+        failed = [fails(registers).any(axis=0) for fails in self.tests]
+        return ~np.any(failed, axis=0)
 
 
 def _start(selection: Selection) -> list[Guard]:

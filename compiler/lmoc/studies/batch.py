@@ -24,6 +24,7 @@ from lmoc.studies.lanes import rows_in_lanes
 from lmoc.studies.rows import Row, reason_of, row_of
 
 if TYPE_CHECKING:
+    from lmoc.numerics.observe.event import Event
     from lmoc.run import Run
     from lmoc.studies.store import Store
 
@@ -38,9 +39,23 @@ def run_rows(job: Job, rows: Sequence[int]) -> Chunk:
     return _rows(job, rows, rows_in_lanes(job, rows))
 
 
-def _rows(job: Job, rows: Sequence[int], done: Mapping[int, Mapping[str, np.ndarray]]) -> Chunk:
+def _rows(job: Job, rows: Sequence[int], done: Sequence[tuple[list[int], Mapping[str, np.ndarray]]]) -> Chunk:
     """Return rows, those that are done and the others."""
-    return _packed(job, [Row(done[row], "", ()) if row in done else _run_row(job, row) for row in rows])
+    places = {row: k for k, row in enumerate(rows)}
+    series = {name: np.full((len(rows), len(job.times), *job.shapes[name]), np.nan) for name in job.names}
+    reasons, events, others = [""] * len(rows), [()] * len(rows), dict(places)
+    for part, made in done:
+        at = [places[row] for row in part]
+        for name, values in made.items():
+            series[name][at] = values
+        for row in part:
+            del others[row]
+    for row, k in others.items():
+        own = _run_row(job, row)
+        for name, values in own.values.items():
+            series[name][k] = values
+        reasons[k], events[k] = own.reason, own.events if job.series else ()
+    return _packed(job, series, reasons, events)
 
 
 def _run_row(job: Job, row: int) -> Row:
@@ -49,7 +64,7 @@ def _run_row(job: Job, row: int) -> Row:
         run = _budgeted(job.session, request)
         return row_of(run, job.names, job.times, job.shapes, "")
     except (SimulationError, RunInterrupted, ModelError) as failure:
-        reason, partial = reason_of(failure)
+        reason, partial = reason_of(failure, job.rows)
         return row_of(partial, job.names, job.times, job.shapes, reason)
     except UnknownNameError as error:
         raise ModelError([Diagnostic("E0622", str(error))]) from None
@@ -60,19 +75,13 @@ def _budgeted(session: Session, request: Request) -> Run:
     return simulation.simulate(session, request)
 
 
-def _packed(job: Job, rows: Sequence[Row]) -> Chunk:
-    """Return rows as arrays."""
-    series = {name: np.stack([row.values[name] for row in rows]) for name in job.names}
+def _packed(job: Job, series: dict[str, np.ndarray], reasons: list[str], events: list[tuple[Event, ...]]) -> Chunk:
+    """Return runs with their summaries; over time only where that has been asked for."""
     summary = {}
     for what, of in (("minimum", np.fmin), ("maximum", np.fmax)):
         summary[what] = {name: of.reduce(values, axis=1) for name, values in series.items()}
-    return Chunk(
-        series if job.series else {},
-        {name: np.ascontiguousarray(values[:, -1]) for name, values in series.items()},
-        reasons=tuple(row.reason for row in rows),
-        events=tuple(row.events for row in rows) if job.series else ((),) * len(rows),
-        **summary,
-    )
+    end = {name: np.ascontiguousarray(values[:, -1]) for name, values in series.items()}
+    return Chunk(series if job.series else {}, end, reasons=tuple(reasons), events=tuple(events), **summary)
 
 
 def run(job: Job, workers: Any = None, store: Store | None = None, progress: Progress | None = None) -> Ensemble:
@@ -99,7 +108,7 @@ def run(job: Job, workers: Any = None, store: Store | None = None, progress: Pro
         done_in_c = rows_in_lanes(job, [0])
         chunks[0] = _rows(job, [0], done_in_c)
         size = int(min(max(_SECONDS / (clock.perf_counter() - began), 1), _LARGEST))
-        if done_in_c:  # what is started together costs little more than one
+        if any(part for part, _ in done_in_c):  # what is started together costs little more than one
             size = max(1, min(_LARGEST, _NUMBERS // (len(job.times) * max(1, len(job.session.reduced.states)))))
         size = max(1, min(size, -(-count // (4 * (threads or 1)))))
     starts = [0, *range(1, count, size)] if store is None else list(range(0, count, size))

@@ -19,16 +19,16 @@ from lmoc.studies.job import Job
 Series = dict[str, np.ndarray]
 
 
-def rows_in_lanes(job: Job, rows: Sequence[int]) -> dict[int, Series]:
-    """Return {row: {name: values over time}} of the rows that come to their end in C.
+def rows_in_lanes(job: Job, rows: Sequence[int]) -> list[tuple[list[int], Series]]:
+    """Return rows that come to their end in C, and their values over time {name: (rows, T) or (rows, T, m)}.
 
     All others are for `simulate`: rows that fail, whose reason it tells, and scenes that C cannot run by itself.
     """
-    found: dict[int, Series] = {}
+    found = []
     for part in _alike(job, rows):
         try:
             with job.session.busy:
-                found |= _of_one_plan(job, part)
+                found.append(_of_one_plan(job, part))
         except (NotInLanes, ModelError):  # what is wrong is told by `simulate`
             continue
     return found
@@ -36,15 +36,18 @@ def rows_in_lanes(job: Job, rows: Sequence[int]) -> dict[int, Series]:
 
 def _alike(job: Job, rows: Sequence[int]) -> list[list[int]]:
     """Return the rows by the formulas of their inputs; numbers count as alike."""
+    formulas = {name: s for name, s in job.rows.inputs.items() if not isinstance(s, np.ndarray)}
+    if not formulas:
+        return [list(rows)]
     parts: dict[tuple, list[int]] = {}
     for row in rows:
-        own = [(n, s[row]) for n, s in job.rows.inputs.items() if not isinstance(s, np.ndarray)]
+        own = [(name, signals[row]) for name, signals in formulas.items()]
         key = tuple((name, signal if isinstance(signal, (str, float, int)) else id(signal)) for name, signal in own)
         parts.setdefault(key, []).append(row)
     return list(parts.values())
 
 
-def _of_one_plan(job: Job, rows: list[int]) -> dict[int, Series]:
+def _of_one_plan(job: Job, rows: list[int]) -> tuple[list[int], Series]:
     session, options = job.session, job.options
     reduced, report = session.reduced, Report()
     span = check_options(options, reduced, report)
@@ -68,12 +71,11 @@ def _of_one_plan(job: Job, rows: list[int]) -> dict[int, Series]:
     good = sound(runs)
     good[good] = reduced.guards_hold(values[:, good])
     if not good.any():
-        return {}
+        return [], {}
     runs, rows, initial = _chosen(runs, rows, initial, good)
     states, good = lanes.go(runs, system, options, span, initial)
     runs, rows, _ = _chosen(runs, rows, {}, good)
-    series = {name: _series(session.flat, runs, name, span.times, states[good]) for name in job.names}
-    return {row: {name: own[k] for name, own in series.items()} for k, row in enumerate(rows)}
+    return rows, {name: _series(session.flat, runs, name, span.times, states[good]) for name in job.names}
 
 
 def _chosen(
@@ -150,5 +152,3 @@ def _series(flat: FlatDAE, runs: Runs, name: str, times: np.ndarray, states: np.
         raise NotInLanes(f"'{name}' is no variable of the model")
     found = runs.of(variables, times, states)
     return found if is_array(flat, name) else np.ascontiguousarray(found[:, :, 0])
-
-

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from lmoc.numerics.task.sizes import is_small, too_loose
 from lmoc.support import budget
 
 _TOGETHER = 64  # runs that go through C without a word from Python
+_OVER, _ENOUGH = (next(n for n, of in FOUND.items() if of is own) for own in (Status.OK, Status.TOO_MANY_STEPS))
 
 
 def go(
@@ -107,48 +108,51 @@ class _Together:
         self.own, self.problem, self.n = own, problem, system.n
         self.series: dict[int, Legs] = {}  # along series, by their orders
         self.asked = np.zeros(0)  # absolute tolerances of the runs as a whole
+        self.begun = np.zeros(0)  # where they begin
+        self.under_way: dict[int, tuple[Way, Going]] = {}  # of those that have come to the end of their first leg
         self.jacobians: dict[int, np.ndarray] = {}  # where runs stand that are judged
         # sparse blocks keep the order of their pivots from leg to leg
         self.alone = any(b.pattern is not None for b in system.kernel.tape.blocks)
 
     def go(self, x: np.ndarray, atol: np.ndarray, good: np.ndarray) -> np.ndarray:
         """Return which of the runs have come to their end."""
-        self.asked, which = atol, np.flatnonzero(good)
+        self.begun, self.asked, which = x, atol, np.flatnonzero(good)
         ended = np.zeros(len(x), bool)
         for part in which[:, None] if self.alone else (which,):
-            self._go(part.tolist(), x, ended)
+            if len(part):
+                self._go(part, ended)
         return ended
 
-    def _go(self, part: list[int], x: np.ndarray, ended: np.ndarray) -> None:
-        """Go through all legs of some of the runs."""
-        under_way, atol, first = {}, self.asked, True
-        for k in part:
-            problem = replace(self.problem, x=x[k], atol=atol[k], spent={self.problem.system.plan: PlanCost()})
-            way = Way(problem, lambda p, outcome, k=k: Modes(p, outcome, lambda *_: self._jacobian(k)))
-            under_way[k] = way, legs(way)
-        asked = {k: next(rule) for k, (_, rule) in under_way.items()}
-        while asked:
-            asked = {k: leg for k, leg in asked.items() if leg.name == "dop853" or self._suits_series(leg)}
-            for k, leg in asked.items():
-                self._set_out(k, under_way[k][0], leg)
+    def _go(self, part: np.ndarray, ended: np.ndarray) -> None:
+        """Go through all legs of some of the runs; with which they begin depends on none of their numbers."""
+        way = self._way(part)
+        leg, first = next(legs(way)), True
+        self._set_out(part, way, leg)
+        asked = dict.fromkeys(part.tolist(), leg)
+        while asked := {k: leg for k, leg in asked.items() if leg.name == "dop853" or self._suits_series(leg)}:
             others = [k for k, leg in asked.items() if leg.name == "dop853"]
             _walk(self.own, np.array(others, int), self.alone and not first)
             for order, which in self._along_series(asked).items():
-                _walk(self._of_order(order), np.array(which, int))
-            self._look_around(np.array(list(asked), int))
-            asked, first = dict(self._next(asked, under_way, ended)), False
+                _walk(self._of_order(order), which)
+            asked, first = dict(self._next(asked, ended)), False
+
+    def _way(self, which: np.ndarray | int) -> Way:
+        """Return the way of one run, or of several as far as it is the same for all of them."""
+        problem = replace(
+            self.problem, x=self.begun[which], atol=self.asked[which], spent={self.problem.system.plan: PlanCost()}
+        )
+        return Way(problem, lambda p, outcome: Modes(p, outcome, lambda *_: self._jacobian(which)))
 
     def _suits_series(self, leg: Leg) -> bool:
         """Return whether C makes a leg along a series: the first one, at whose steps nobody looks."""
         return leg.name == "taylor" and leg.shortest == 0.0 and not self.alone
 
-    def _along_series(self, asked: dict[int, Leg]) -> dict[int, list[int]]:
+    def _along_series(self, asked: dict[int, Leg]) -> dict[int, np.ndarray]:
         """Return the runs that go along series, by their orders."""
-        found: dict[int, list[int]] = {}
-        for k, leg in asked.items():
-            if leg.name == "taylor":
-                found.setdefault(taylor.order_for(float(self.own.state["rtol"][k])), []).append(k)
-        return found
+        which = np.array([k for k, leg in asked.items() if leg.name == "taylor"], int)
+        asks, at = np.unique(self.own.state["rtol"][which], return_inverse=True)
+        orders = np.array([taylor.order_for(rtol) for rtol in asks.tolist()], int)
+        return {order: which[orders[at] == order] for order in np.unique(orders).tolist()}
 
     def _of_order(self, order: int) -> Legs:
         if order not in self.series:
@@ -157,21 +161,18 @@ class _Together:
             self.series[order] = Legs(p.system, own.base, own.x, *given, order, own)
         return self.series[order]
 
-    def _set_out(self, k: int, way: Way, leg: Leg) -> None:
-        own, before = self.own, way.outcome
-        state = own.state[k]
-        (rtol, own.atol[k]), own.x[k] = way.tolerances(leg), before.x
-        state["time"], state["rtol"], state["step"] = before.time, rtol, way.first_step(leg)
-        state["most"], state["overrun"] = way.steps(leg)
-        state["reached"] = before.reached
+    def _set_out(self, which: np.ndarray | int, way: Way, leg: Leg) -> None:
+        own, before, state = self.own, way.outcome, self.own.state
+        (state["rtol"][which], own.atol[which]), own.x[which] = way.tolerances(leg), before.x
+        state["time"][which], state["step"][which] = before.time, way.first_step(leg)
+        state["most"][which], state["overrun"][which] = way.steps(leg)
+        state["reached"][which] = before.reached
 
-    def _look_around(self, which: np.ndarray) -> None:
+    def _look_around(self, judged: np.ndarray) -> None:
         """Take the Jacobians where runs stand that are to be judged."""
-        own = self.own
-        judged = which[own.state["found"][which] == 5]
         if len(judged) and self.n <= EIGENVALUES:
-            shift = shifts(own.x[judged], self.asked[judged], self.problem.rtol)
-            found = own.differences(judged, shift, self.alone)
+            shift = shifts(self.own.x[judged], self.asked[judged], self.problem.rtol)
+            found = self.own.differences(judged, shift, self.alone)
             self.jacobians = dict(zip(judged.tolist(), found, strict=True))
 
     def _jacobian(self, k: int) -> np.ndarray | None:
@@ -179,22 +180,26 @@ class _Together:
             return None
         return self.jacobians[k]
 
-    def _next(self, asked: dict[int, Leg], under_way: dict[int, tuple[Way, Going]], ended: np.ndarray):
+    def _next(self, asked: dict[int, Leg], ended: np.ndarray) -> Iterator[tuple[int, Leg]]:
         """Yield the next legs of the runs that have arrived and go on; those that Python looks at are dropped."""
-        own = self.own
-        for k, leg in asked.items():
-            way, rule = under_way[k]
-            state = own.state[k]
-            status = FOUND[int(state["found"])]
-            if status is Status.OK:  # whatever would follow, the run has come to its end
-                ended[k] = True
-            if status is not Status.TOO_MANY_STEPS:
-                continue
+        which = np.array(list(asked), int)
+        found = self.own.state["found"][which]
+        ended[which[found == _OVER]] = True  # whatever would follow
+        arrived = which[found == _ENOUGH]
+        self._look_around(arrived)
+        for k in arrived.tolist():
+            if k not in self.under_way:
+                way = self._way(k)
+                self.under_way[k] = way, legs(way)
+                next(self.under_way[k][1])
+            (way, rule), state = self.under_way[k], self.own.state[k]
             counts = {"steps": int(state["steps"]), "rejected": int(state["rejected"])}
             reached, time = int(state["reached"]) - way.outcome.reached, float(state["time"])
-            way.arrive(leg, Outcome(time, own.x[k].copy(), reached, status, counts, float(state["step"])))
+            status, x = FOUND[_ENOUGH], self.own.x[k].copy()
+            way.arrive(asked[k], Outcome(time, x, reached, status, counts, float(state["step"])))
             following = next(rule, None)
             if following is not None:
+                self._set_out(k, way, following)
                 yield k, following
 
 

@@ -45,10 +45,10 @@ class Piece:
         return Apply(formula, self.registers[:, [self.rows.leaves.index(leaf) for leaf in leaves]], out)
 
     def constant(self, expr: Expr, values: np.ndarray) -> np.ndarray:
-        """Numbers (n,) of an expression over parameters, given the values of all registers."""
+        """Numbers (n,) of an expression over parameters, given the values of all registers; (n, runs) of (…, runs)."""
         column = {leaf.value[0]: self.registers[:, k] for k, leaf in enumerate(self.rows.leaves)}
         number = evaluate(expr, lambda k, _: values[column[k]])
-        return np.broadcast_to(np.asarray(number, float), len(self.equations))
+        return np.broadcast_to(np.asarray(number, float), (len(self.equations), *values.shape[1:]))
 
 
 def pieces_of(system: SquareSystem, equations: np.ndarray) -> tuple[list[Piece], list[tuple[SumRows, np.ndarray]]]:
@@ -116,11 +116,11 @@ def total(s: SumRows, which: np.ndarray, out: np.ndarray) -> Total:
 
 
 def _vanishing(piece: Piece, leaf: Expr, values: np.ndarray) -> np.ndarray:
-    """(n,) whether the coefficient of a leaf is no number, or nothing beside those of the other unknowns."""
+    """(n, or n, runs) whether the coefficient of a leaf is no number, or nothing beside those of other unknowns."""
     kinds = piece.rows.batch.kinds
     own = pivot(piece.residual, kinds, leaf)
     if own is None:
-        return np.ones(len(piece.equations), bool)
+        return np.ones((len(piece.equations), *values.shape[1:]), bool)
     found = [pivot(piece.residual, kinds, other) for other in piece.unknown]
     sizes = [np.abs(piece.constant(c, values)) for c in found if c is not None]
     result: np.ndarray = ~(np.abs(piece.constant(own, values)) > NOTHING * np.max(sizes, axis=0))
@@ -166,7 +166,9 @@ def _singular(
     unknowns: np.ndarray,
     values: np.ndarray,
 ) -> np.ndarray:
-    """(1,) whether the matrix cannot be factorized with these values."""
+    """(1, or 1, runs) whether the matrix cannot be factorized with these values."""
+    if values.ndim > 1:
+        return np.stack([_singular(pieces, linear, sums, equations, unknowns, own) for own in values.T], axis=1)
     from scipy.sparse import csc_matrix, diags
     from scipy.sparse.linalg import splu
 

@@ -188,12 +188,13 @@ def steps_of(blocks: AlikeBlocks, around: Surroundings) -> list[Step]:
 def _vanishing(
     blocks: AlikeBlocks, residual: Expr, unknown: int, unknowns: frozenset[int], values: np.ndarray
 ) -> np.ndarray:
-    """(instances,) whether the coefficient of an unknown is no number, or nothing beside those of the others."""
+    """(instances, or instances, runs) whether a coefficient is no number, or nothing beside those of the others."""
+    shape = len(blocks.equations), *values.shape[1:]
     found = [pivot(residual, blocks.kinds, slot(v)) for v in (unknown, *unknowns)]
     if found[0] is None:
-        return np.ones(len(blocks.equations), bool)
+        return np.ones(shape, bool)
     sizes = [np.abs(evaluate(c, lambda k, _: values[blocks.registers[:, k]])) for c in found if c is not None]
-    size, *others = (np.broadcast_to(s, len(blocks.equations)) for s in sizes)
+    size, *others = (np.broadcast_to(s, shape) for s in sizes)
     result: np.ndarray = ~(size > NOTHING * np.max(others, axis=0))
     return result
 
@@ -201,7 +202,7 @@ def _vanishing(
 def _has_vanished(
     blocks: AlikeBlocks, residual: Expr, unknown: int, unknowns: frozenset[int], values: np.ndarray
 ) -> np.ndarray:
-    """(instances,) whether a coefficient that was divided by vanishes with other values of the parameters.
+    """Whether a coefficient that was divided by vanishes with other values of the parameters, as of `_vanishing`.
 
     Parameters without a value may have any.
     """
@@ -213,19 +214,20 @@ def _has_vanished(
 
 
 def _singular(blocks: AlikeBlocks, linear: list[tuple[tuple[Expr, Expr], ...]], values: np.ndarray) -> np.ndarray:
-    """(instances,) whether the smallest singular value is nothing beside the largest, rows and columns scaled."""
+    """Whether the smallest singular value is nothing beside the largest, in rows and columns of one size."""
     place = {slot(v): i for i, v in enumerate(blocks.internal)}
-    matrix = np.zeros((len(blocks.equations), len(linear), len(place)))
+    matrix = np.zeros((len(blocks.equations), *values.shape[1:], len(linear), len(place)))
     for e, row in enumerate(linear):
         for leaf, c in row:
-            matrix[:, e, place[leaf]] = evaluate(c, lambda k, _: values[blocks.registers[:, k]])
-    if not np.isfinite(matrix).all():
-        return np.zeros(len(matrix), bool)
-    for axis in (2, 1):
+            matrix[..., e, place[leaf]] = evaluate(c, lambda k, _: values[blocks.registers[:, k]])
+    known = np.isfinite(matrix).all(axis=(0, -2, -1))
+    matrix = np.where(known[..., None, None], matrix, 0.0)
+    for axis in (-1, -2):
         largest = np.abs(matrix).max(axis=axis, keepdims=True)
         matrix /= np.where(largest > 0, largest, 1)
     found = np.linalg.svd(matrix, compute_uv=False)
-    return found[:, -1] <= 1e-13 * found[:, 0]
+    result: np.ndarray = (found[..., -1] <= 1e-13 * found[..., 0]) & known
+    return result
 
 
 def _formulas(

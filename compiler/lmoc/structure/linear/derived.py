@@ -24,10 +24,10 @@ def derived_values(derived: Sequence[Assignments], values: np.ndarray) -> np.nda
     Parameters
     ----------
     derived : `Normalized.derived`
-    values : (flat.count,) as `FlatDAE.parameter_values` gives them
+    values : (flat.count,) as `FlatDAE.parameter_values` gives them, or (flat.count, runs)
     """
     count = len(values)
-    known = np.concatenate([values, np.full(sum(len(a.target) for a in derived), np.nan)])
+    known = np.concatenate([values, np.full((sum(len(a.target) for a in derived), *values.shape[1:]), np.nan)])
     for a in derived:
         known[a.target] = a.values(known)
     return known[count:]

@@ -45,8 +45,8 @@ class RegisterLayout:
         return variable, counted(0, self.count) - np.repeat(self.base, self.width)
 
     def known_values(self, values: np.ndarray) -> np.ndarray:
-        """Numbers for the registers of parameters, from those of extended variables; NaN elsewhere."""
-        result = np.full(self.count, np.nan)
+        """Numbers for the registers of parameters, from those of extended variables (…, or …, runs); NaN elsewhere."""
+        result = np.full((self.count, *values.shape[1:]), np.nan)
         single = self.system.kind < INPUT
         result[self.base[single]] = values[single]
         return result
