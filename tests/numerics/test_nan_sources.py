@@ -82,13 +82,13 @@ def test_only_what_the_risks_read_is_computed():
 def test_nonlinear_equations_beside_the_motion_that_lose_their_solution_are_told():
     """y² = 1 - t has one up to t = 1; whoever asks for y later gets NaN, and the run says so."""
     dae = lmoc.compile_text("model M Real x(start=1, fixed=true), y(start=1); equation der(x) = -1; y^2 = x; end M;")
-    run = dae.simulate(stop=3)
+    run = dae.simulate(stop=3, points=31)
     (said,) = run.notes
     assert said.code == "W0537" and "for y have no solution" in said.message and said.span is not None
     assert run["y"][run.time < 0.99] == pytest.approx(np.sqrt(1 - run.time[run.time < 0.99]))
     assert np.isnan(run["y"][run.time > 1.01]).all()
     assert not dae.simulate(stop=0.9).notes
-    assert [n.code for n in dae.simulate(stop=3, keep=["x"]).notes] == ["W0537"]
+    assert [n.code for n in dae.simulate(stop=3, points=31, keep=["x"]).notes] == ["W0537"]
 
 
 def test_a_solution_that_comes_back_is_found_again(monkeypatch):
@@ -99,7 +99,7 @@ def test_a_solution_that_comes_back_is_found_again(monkeypatch):
     patient = Newton.solve
     monkeypatch.setattr(Newton, "solve", lambda self, *a: searches.append(self.patient) or patient(self, *a))
     text = "model M Real x(start=0, fixed=true), y(start=1); equation der(x) = cos(time); y^2 = 0.8 - x; end M;"
-    run = lmoc.compile_text(text).simulate(stop=10)
+    run = lmoc.compile_text(text).simulate(stop=10, points=101)
     searches.clear()
     y, exact = run["y"], 0.8 - run["x"]
     there = exact > 0.05

@@ -34,14 +34,22 @@ def row(count: int, g: float = 0.0) -> lmoc.DAE:
     return lmoc.compile_text(f"model M Fixed w; {' '.join(springs)} {mass} equation {' '.join(joints)} end M;")
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize(("count", "g"), [(2, 0.0), (3, 0.0), (2, 9.81)])
+@pytest.mark.parametrize(
+    ("count", "g", "solver"),
+    [
+        *((2, 0.0, solver) for solver in SOLVERS),
+        (3, 0.0, "radau"),
+        (3, 0.0, "ida"),
+        (2, 9.81, "dop853"),
+        (2, 9.81, "cvode"),
+    ],
+)
 def test_a_row_of_cubic_springs_moves_as_one_spring(count, g, solver):
     K = effective(count)
     one = f"""model M Fixed w; CubicSpring s(k = {K!r}); Mass m(m = 1, g = {g}, v(start = 1, fixed = true));
         equation connect(w.flange, s.a); connect(s.b, m.flange); end M;"""
-    expected = lmoc.compile_text(one).simulate(stop=8, points=81, rtol=1e-10, solver="dop853")
-    run = row(count, g).simulate(stop=8, points=81, rtol=1e-8, solver=solver)
+    expected = lmoc.compile_text(one).simulate(stop=8, points=41, rtol=1e-10, solver="dop853")
+    run = row(count, g).simulate(stop=8, points=41, rtol=1e-8, solver=solver)
     assert np.min(expected["m.q"][1:]) < 0 or g  # it has been through the middle
     assert run["m.q"] == pytest.approx(expected["m.q"], abs=1e-4 if g else 4e-6)
     assert run["m.v"] == pytest.approx(expected["m.v"], abs=3e-4 if g else 4e-6)

@@ -30,8 +30,7 @@ def dae():
     return lmoc.compile_text(SWING)
 
 
-@pytest.mark.parametrize("rtol", [1e-6, 1e-10])
-@pytest.mark.parametrize("solver", ["auto", "cvode", "taylor"])
+@pytest.mark.parametrize(("solver", "rtol"), [("auto", 1e-6), ("cvode", 1e-6), ("taylor", 1e-6), ("auto", 1e-10)])
 def test_an_oscillator(dae, rtol, solver):
     run = dae.simulate(stop=5, points=41, rtol=rtol, solver=solver, sensitivities=("k", "m", "x", "v"))
     t, w = run.time, 2.0

@@ -136,7 +136,7 @@ def add_mass(s: Linkage, draw, node: int) -> None:
     s.masses.append((m, node, g))
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(linkages(), st.data())
 def test_linkage_moves_as_lagrange_says(scene, data):
     n = len(scene.coordinates)

@@ -268,7 +268,7 @@ def start_of(s: Scene, P: np.ndarray, p: np.ndarray, R: np.ndarray, draw) -> tup
     return initial, R @ np.linalg.solve(rows, rates)
 
 
-@settings(max_examples=30, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
 @given(trees(), st.data())
 def test_compiled_tree_moves_as_assembled_by_hand(scene, data):
     assembly, P, p = assemble(scene)
@@ -300,7 +300,7 @@ def flat_equations(text: str) -> tuple[list[str], list[str]]:
     return list(flat.names()), rows + [flat.sum_text(i) for i in range(flat.sums.rows)]
 
 
-@settings(max_examples=15, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@settings(max_examples=6, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
 @given(trees())
 def test_printed_tree_flattens_to_the_same_equations(scene):
     assembly, _, _ = assemble(scene)
@@ -312,7 +312,7 @@ def test_printed_tree_flattens_to_the_same_equations(scene):
     assert flat_equations(printed) == flat_equations(scene.text())
 
 
-@settings(max_examples=15, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
+@settings(max_examples=6, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow])
 @given(trees())
 def test_flat_model_has_as_many_equations_as_unknowns(scene):
     assembly, _, _ = assemble(scene)

@@ -70,7 +70,7 @@ def test_singular_positions_are_counted_and_told_when_they_are(request, compiler
     assert float(note.split("t = ")[1].split()[0]) == pytest.approx(expected, abs=1e-4)
 
 
-@pytest.mark.parametrize(("solver", "tolerances"), [("taylor", (1e-7, 1e-8, 1e-9)), ("gauss", (1e-6,))])
+@pytest.mark.parametrize(("solver", "tolerances"), [("taylor", (1e-7, 1e-9)), ("gauss", (1e-6,))])
 def test_neighbouring_tolerances_pass_alike_without_a_compiler(no_compiler, solver, tolerances):
     """A step that leads too far is tried again from the branch on which it began, not from where it has ended."""
     dae = lmoc.compile_text(PARALLELOGRAM)
@@ -87,10 +87,10 @@ def test_nothing_is_lost_where_a_singular_position_is_passed(solver):
     equation
       der(a) = w; der(w) = 1.2*9.81*sin(a);
     end Angle;""")
-    options = {"stop": 10, "points": 101, "rtol": 1e-10, "solver": solver}
+    options = {"stop": 4, "points": 41, "rtol": 1e-10, "solver": solver}
     own, other = (scene.simulate(**options) for scene in (lmoc.compile_text(PARALLELOGRAM), angle))
     exact = upright(1.2, -1, own.time)
-    assert any(n.message.startswith("10 singular positions") for n in own.notes)
+    assert any(n.message.startswith("4 singular positions") for n in own.notes)
     error = np.abs(own["first.phi"] - np.pi / 2 + exact).max()
     assert error < max(5 * np.abs(other["a"] - exact).max(), 5e-9)
 
@@ -143,8 +143,17 @@ def test_bars_that_almost_fit_turn_or_stop_but_never_jump(more):
     assert np.abs(energy / energy[0] - 1).max() < 1e-6
 
 
-@pytest.mark.parametrize("solver", ["dop853", "radau", "auto"])
-@pytest.mark.parametrize(("rtol", "points", "stop"), [(1e-3, 11, 1), (1e-5, 500, 1), (1e-5, 3, 10), (1e-8, 501, 10)])
+@pytest.mark.parametrize(
+    ("solver", "rtol", "points", "stop"),
+    [
+        ("dop853", 1e-3, 11, 1),
+        ("dop853", 1e-5, 3, 5),
+        ("radau", 1e-3, 11, 1),
+        ("radau", 1e-5, 500, 1),
+        ("auto", 1e-5, 3, 10),
+        ("auto", 1e-8, 501, 5),
+    ],
+)
 def test_cartesian_pendulum_is_as_right_as_one_with_an_angle(solver, rtol, points, stop):
     """x and y take turns as coordinates, whatever output times are asked for."""
     cartesian = lmoc.compile_text("""model Cartesian

@@ -35,11 +35,11 @@ def expressions() -> list[str]:
         return chosen.choice(ANYTHING)
 
     found = [f"{name}({argument})" for name in BUILTIN_FUNCTIONS for argument in ["", "x = 1", *ANYTHING]]
-    found += [f"{name}({anything()}, {anything()})" for name in BUILTIN_FUNCTIONS for _ in range(10)]
-    found += [f"{name}({anything()}, {anything()}, {anything()})" for name in BUILTIN_FUNCTIONS for _ in range(4)]
-    found += [f"({anything()}) {op} ({anything()})" for op in OPERATORS for _ in range(20)]
+    found += [f"{name}({anything()}, {anything()})" for name in BUILTIN_FUNCTIONS for _ in range(5)]
+    found += [f"{name}({anything()}, {anything()}, {anything()})" for name in BUILTIN_FUNCTIONS for _ in range(2)]
+    found += [f"({anything()}) {op} ({anything()})" for op in OPERATORS for _ in range(8)]
     for form in ("if {} then {} else {}", "v[{}] + w[{}, {}]", "{{{}, {}, {}}}", "sum({} for i in {})", "[{}, {}; {}]"):
-        found += [form.format(anything(), anything(), anything()) for _ in range(40)]
+        found += [form.format(anything(), anything(), anything()) for _ in range(15)]
     return found
 
 
@@ -51,7 +51,7 @@ def test_nothing_ends_in_a_traceback() -> None:
             understood += 1
         except ModelError as error:
             assert all(d.span is not None for d in error.diagnostics if d.severity == "error"), expression
-    assert understood > 100
+    assert understood > 50
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ what the remaining equation gives in the others.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,7 @@ SMALLER = {"chain": {"N": 20}, "drivetrain": {"N": 30}, "gear_tree": {"N": 40}, 
 ORDERS = 6
 
 
+@cache
 def flat_scene(path: Path):
     report = Report()
     file = parse(Source(path.name, path.read_text()), report)

@@ -38,8 +38,10 @@ ANGLE = """
 RIGHT, UP, LEFT, DOWN = (1, 0), (0, 1), (-1, 0), (0, -1)
 
 
-@pytest.mark.parametrize("told", ["both", "the longer one", "in the other order"])
-@pytest.mark.parametrize("L", [1e-3, 1.0, 50.0])
+@pytest.mark.parametrize(
+    ("told", "L"),
+    [("both", 1e-3), ("both", 50.0), ("the longer one", 1e-3), ("the longer one", 1.0), ("in the other order", 1.0)],
+)
 @pytest.mark.parametrize("place", [RIGHT, UP, LEFT, DOWN])
 def test_pendulum_that_starts_where_a_coordinate_is_zero(place, L, told):
     starts = [f"start = {L * p}" for p in place]
@@ -129,7 +131,7 @@ def masses_of(n: int) -> str:
     return f"{names}; equation {law}"
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_chains_of_rods_from_eighths_of_a_turn(seed):
     """Rods of very different lengths, level, upright and askew, whatever is declared first."""
     random = np.random.default_rng(seed)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from conftest import ROOT
+from mpmath import mp
 
 import lmoc
 from lmoc.symbolic.linearize import LinearModel
@@ -19,7 +20,10 @@ def evaluated(matrix: sp.Matrix, model: LinearModel) -> np.ndarray:
     """Return a matrix whose entries hold parameters and coordinates at rest, and nothing else, as numbers."""
     allowed = set(model.loops.values) | set(model.loops.numbers) - set(model.loops.shorthand)
     assert matrix.free_symbols <= allowed
-    return np.array(matrix.evalf(17, subs=numbers(model)).tolist(), float).reshape(matrix.shape)
+    table = numbers(model)
+    with mp.workdps(30):  # many terms cancel
+        found = sp.lambdify(list(table), matrix, "mpmath", cse=True)(*map(mp.mpf, map(str, table.values())))
+    return np.array(found.tolist(), float).reshape(matrix.shape)
 
 
 DRIVEN = """
