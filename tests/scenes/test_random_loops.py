@@ -61,4 +61,4 @@ def test_the_mechanisms_have_loops_and_large_angles():
     many = [Mechanism(seed) for seed in range(40)]
     redundant = [s for s in many if len(s.rows) > len(s.ports) - s.free]
     curved = [s for s in redundant if any(row.arm for row in s.rows)]
-    assert len(redundant) > 50 and len(curved) > 25
+    assert len(redundant) > 15 and len(curved) > 8

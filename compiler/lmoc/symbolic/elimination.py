@@ -45,7 +45,10 @@ class Eliminated:
 
 
 def eliminate(
-    rows: Sequence[Mapping[int, sympy.Expr]], keep_last: Sequence[int] = (), most: float = MOST_TERMS
+    rows: Sequence[Mapping[int, sympy.Expr]],
+    keep_last: Sequence[int] = (),
+    most: float = MOST_TERMS,
+    wanted: Sequence[int] | None = None,
 ) -> Eliminated:
     """Solve ``Σ rows[i][x]·x = right[i]`` for all unknowns x that occur.
 
@@ -55,6 +58,7 @@ def eliminate(
     keep_last : unknowns
         Taken as pivots only when nothing else is left: they stay free where the equations leave a choice.
     most : terms of a coefficient, beyond which nobody reads the result
+    wanted : unknowns whose solution is asked for; None for all
 
     Raises
     ------
@@ -73,7 +77,7 @@ def eliminate(
     right: list[Sparse] = [{i: field.one} for i in range(len(rows))]
     order = _forward(left, right, set(keep_last), most)
     used = {i for i, _ in order}
-    solution, by_free = _back(left, right, order, most)
+    solution, by_free = _back(left, right, order if wanted is None else _needed(left, order, wanted), most)
 
     def readable(row: Sparse) -> Row:
         return {x: field.to_sympy(c) for x, c in row.items()}
@@ -142,6 +146,17 @@ def _subtract(target: Sparse, source: Sparse, factor: Element, most: float) -> N
             target[x] = value
         else:
             target.pop(x, None)
+
+
+def _needed(left: list[Sparse], order: list[tuple[int, int]], wanted: Sequence[int]) -> list[tuple[int, int]]:
+    """Return the pivots that some unknowns follow from: a row holds its pivot, later pivots and what stays free."""
+    read = set(wanted)
+    needed = []
+    for i, pivot in order:
+        if pivot in read:
+            needed.append((i, pivot))
+            read.update(left[i])
+    return needed
 
 
 def _back(
