@@ -225,3 +225,14 @@ def test_assertions_and_contradictions_end_a_run_with_their_reason():
         cases.append((run, script, [[slots[name], value] for name, value in changed.items()]))
     for again, (_, reason, _) in zip(repeat(cases), scenes, strict=True):
         assert not again.complete and reason in again.reason
+
+
+@pytest.mark.parametrize("name, stop", [("engine", 0.5), ("valve_train", 0.05)])
+def test_textbook_scenes(name, stop):
+    """An engine's relation needs no position of its rod: looked at, it put the last solution at another place."""
+    run = lmoc.compile(MODELS / "textbook" / f"{name}.lmo").simulate(stop=stop)
+    (again,) = repeat([(run, write_script(run.trajectory), [])])
+    assert again.complete, again.reason
+    assert [e["kind"] for e in again.events] == [e.kind for e in run.events]
+    assert [e["time"] for e in again.events] == pytest.approx([e.time for e in run.events], abs=1e-6)
+    assert difference(run, again) < 1e-4

@@ -3,6 +3,8 @@
 // Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I (1993), II.4 to II.6. The coefficients are those of
 // the compiler's own integrator, {a, b, c, d, e3, e5}: the page carries them beside the scene.
 
+import { Stopped } from "./stopped.js";
+
 const SAFETY = 0.9;
 const SHRINK = 0.2;
 const GROW = 8;
@@ -180,6 +182,9 @@ export class Dop853 {
       this.terms[1][j] = h * k[0][j] - rise;
       this.terms[2][j] = 2 * rise - h * (k[12][j] + k[0][j]);
       for (let i = 0; i < 4; i++) this.terms[3 + i][j] = h * combine(table.d[i], k, j);
+    }
+    if (!this.terms.every((term) => term.every(Number.isFinite))) {
+      throw new Stopped(`the run stops at t = ${this.before.toPrecision(6)} s: it has no values beyond`);
     }
     return this.terms;
   }

@@ -130,9 +130,10 @@ class Page {
     const found = await engine.ask("accuracy", { ...request, answer: { time: answer.time, columns } });
     if (found === null || serial !== this.serial) return;
     const { missed, from, reason } = found;
-    const other = reason ? `ends there: ${reason}` : "goes another way";
-    if (from === null) this.sayAccuracy(`This run is accurate to ${missed.toPrecision(1)} of the largest value of each unit, by one with a tenth of its tolerance.`, false);
-    else this.sayAccuracy(`From t = ${format(from)} s on this run is not to be relied on: one with a tenth of its tolerance ${other}.`, true);
+    const other = "one with a tenth of its tolerance";
+    if (from === null) this.sayAccuracy(`This run is accurate to ${missed.toPrecision(1)} of the largest value of each unit, by ${other}.`, false);
+    else if (reason) this.sayAccuracy(`How accurate this run is beyond t = ${format(from)} s is not known: ${other} ends there (${reason}).`, true);
+    else this.sayAccuracy(`From t = ${format(from)} s on this run is not to be relied on: ${other} goes another way.`, true);
   }
 
   makePicture() {

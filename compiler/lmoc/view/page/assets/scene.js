@@ -56,6 +56,7 @@ export class Scene {
     if (this.attempt(run, time, x)) return;
     const { last } = this;
     if (last === null) return;
+    putSolutions(this.blocks, last.solutions);
     for (let reached = 0, length = 0.5; reached < 1 && length >= SHORTEST; ) {
       const goal = Math.min(1, reached + length);
       const between = goal === 1 ? x : x.map((v, j) => (1 - goal) * last.x[j] + goal * v);
@@ -76,7 +77,9 @@ export class Scene {
     run(w, time);
     if (before === null) return true;
     if (blocks.failed) putSolutions(blocks, before);
-    else this.last = { time, x: Float64Array.from(x), solutions: solutionsOf(blocks) };
+    const now = solutionsOf(blocks);
+    const solved = now.some((solution, k) => solution !== before[k]); // some functions solve none: those stand elsewhere
+    if (!blocks.failed && solved) this.last = { time, x: Float64Array.from(x), solutions: now };
     return !blocks.failed;
   }
 
