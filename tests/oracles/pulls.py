@@ -36,7 +36,8 @@ for (const item of data.picture.items) {
   const [answer, finer] = [1, 0.1].map((factor) => repeater.run(times, {}, {}, pulled, factor));
   const said = parting(answer, finer, data.script.names, unitOf, 1e-3);
   const ledger = ["ledger.stored", "ledger.work", "ledger.heat"];
-  told.push([held.hand.name, signals, answer.reason, [said.missed, said.from], [...ledger, ...states].map((n) => [...answer.of(n)])]);
+  const columns = [...ledger, ...states].map((n) => [...answer.of(n)]);
+  told.push([held.hand.name, signals, answer.reason, [said.missed, said.from], columns]);
 }
 console.log(JSON.stringify(told));
 """
@@ -91,6 +92,5 @@ def _pulled(run, hands, name, signals, reason, said, columns):
         missed = max(missed, np.abs(values[:relied] - truth[state][:relied]).max(initial=0) / size)
         moved = max(moved, np.abs(run[state][:count] - truth[state][:count]).max() / size)
     error = (work - work[0]) - (heat - heat[0]) - (stored - stored[0])
-    energies = [np.abs(truth[name]).max() for name in truth if name.endswith(".energy")]
-    balance = np.abs(error).max() / max(1e-6, *energies, np.abs(work - work[0]).max())
+    balance = np.abs(error).max() / max(1e-6, truth.energy.scale)
     return Pulled(name, hand.kind, signals[0], reason, float(missed), float(moved), float(balance), accuracy, doubted)

@@ -151,8 +151,7 @@ def test_slopes_of_a_cubic_spline(count, closed):
     x, y = np.cumsum(rng.uniform(0.2, 2, count)), rng.normal(size=count)
     y[-1] = y[0] if closed else y[-1]
     table = text(np.column_stack([x, y]))
-    scene = f"model M parameter Tables.Spline c(table = {table}, closed = {str(closed).lower()}); Real z = c.s[1]; end M;"
-    dae = lmoc.compile_text(scene)
-    run = dae.simulate(stop=1)
+    spline = f"Tables.Spline c(table = {table}, closed = {str(closed).lower()})"
+    run = lmoc.compile_text(f"model M parameter {spline}; Real z = c.s[1]; end M;").simulate(stop=1)
     truth = CubicSpline(x, y, bc_type="periodic" if closed else "natural")(x, 1)
     assert [run[f"c.s[{k + 1}]"][0] for k in range(count)] == pytest.approx(truth, abs=1e-12)

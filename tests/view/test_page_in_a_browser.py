@@ -97,6 +97,17 @@ def test_a_slider_changes_the_curve_to_what_python_gives(suspension):
     assert "set=k2:40000" in found["hash"] and found["kept"] and found["trouble"] == ""
 
 
+def test_the_ledger_is_measured_by_the_energy_that_swings():
+    """What a pendulum stores does not change: measured by that, the error of its balance would be about 1."""
+    html = lmoc.compile(MODELS / "planar" / "pendulum.lmo").simulate().view().html
+    seen = open_page(html, FACTS + """
+      const entry = document.querySelector(".slider input[type=number]");
+      entry.value = String(1.2 * Number(entry.value)); entry.dispatchEvent(new Event("change")); await idle();
+      return $("energy").textContent;
+    """)  # fmt: skip
+    assert 0 < float(re.search(r"error of the balance ([\d.]+e-\d+)", seen.answer)[1]) < 1e-5
+
+
 def test_an_address_holds_the_state(suspension):
     _, html = suspension
     seen = open_page(html, FACTS + """

@@ -227,8 +227,9 @@ def test_the_hand_is_so_stiff_that_what_it_holds_would_swing_twice_a_second():
 @needs_node
 def test_a_page_says_how_accurate_its_run_is():
     """Beside a closed form: the error that is told is the one that is there."""
-    run = lmoc.compile_text("""model M Mass m(m = 2, q(start = 1, fixed = true), v(start = 0, fixed = true)); Spring s(k = 8);
-        Fixed wall; equation connect(wall.flange, s.a); connect(s.b, m.flange); end M;""").simulate(rtol=1e-4, stop=30)
+    run = lmoc.compile_text("""
+        model M Mass m(m = 2, q(start = 1, fixed = true), v(start = 0, fixed = true)); Spring s(k = 8); Fixed wall;
+        equation connect(wall.flange, s.a); connect(s.b, m.flange); end M;""").simulate(rtol=1e-4, stop=30)
     found = contents(run, "M")
     body = f"""
     const data = {json.dumps(found.data)};
@@ -249,3 +250,13 @@ def test_a_page_says_from_when_on_a_chaotic_run_is_not_to_be_relied_on():
     _, found = pulled("planar/double_pendulum")
     one = next(one for one in found if one.hand == "upper.a")
     assert 3 < one.doubted < 5 and one.is_right and 1e-3 < one.accuracy < 0.1
+
+
+@needs_node
+def test_a_slider_at_the_dead_centre_of_its_crank_is_not_pulled():
+    """Its derivative by the crank is rounding there: the hand would be 10²⁷ N/m stiff, and the steps would collapse."""
+    dae = lmoc.compile(MODELS / "planar" / "slider_crank.lmo")
+    found = pulled_everywhere(dae.simulate(stop=0.1, points=5, initial={"main.phi": 1e-13}))
+    stiffness = {one.hand: one.stiffness for one in found}
+    assert stiffness["piston.frame"] == stiffness["cylinder.flange"] == 0 < stiffness["arm.b"] < 1e4
+    assert all(one.is_right and not one.reason for one in found)

@@ -258,7 +258,7 @@ def _energy(run: Result, table: _Table) -> dict[str, Any] | None:
     if not (run.energy.stored.any() or run.energy.supplied.any() or run.energy.lost.any()):
         return None
     parts = [v["name"] for v in table.variables if v["name"].endswith(".energy") and "column" in v]
-    return {**names, "parts": parts, "text": energy_text(run)}
+    return {**names, "parts": parts, "text": energy_text(run), "exchanged": float(np.nan_to_num(run.energy.exchanged))}
 
 
 # ---------------------------------------------------------------------- events and modes

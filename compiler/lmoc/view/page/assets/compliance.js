@@ -11,6 +11,8 @@ const size = (a) => a.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
  * The compliance {order, value} of a point in its softest direction: a constant force moves it by value·force·t^order/order!,
  * t being short. The order is 0 at springs alone, 1 at dampers alone, 2 at masses.
  *
+ * What moves by no more than rounding, a crank at its dead centre, gives no way at all.
+ *
  * `place(x)` are its one or two coordinates in a state; `push(force)` puts a force of as many on it.
  */
 export function compliance(scene, { t, x }, count, place, push) {
@@ -32,14 +34,11 @@ export function compliance(scene, { t, x }, count, place, push) {
   const far = Math.max(1, size(still.place));
   const immediate = moved.map((one) => minus(one.place, still.place));
   const ways = moved.map((one) => minus(one.rates, still.rates));
-  let order = 0;
-  let found = immediate;
-  if (!(softest(immediate) > IMMEDIATE * far)) {
-    [order, found] = [1, ways.map((way) => along(place, way))];
-    if (!(softest(found) > FIRST * far * size(ways.map(size)))) [order, found] = [2, ways.map((way) => along(place, along(rates, way)))];
-  }
+  const accelerated = ways.map((way) => along(rates, way));
+  const later = [ways, accelerated].map((all) => [all.map((way) => along(place, way)), FIRST * far * size(all.map(size))]);
+  const order = [[immediate, IMMEDIATE * far], ...later].findIndex(([found, rounding]) => softest(found) > rounding);
   place(x);
-  return { order, value: softest(found) };
+  return { order, value: order < 0 ? 0 : softest([immediate, ...later.map(([found]) => found)][order]) };
 }
 
 /** The largest eigenvalue of a symmetric matrix of one or two rows. */

@@ -549,11 +549,11 @@ function widen([low, high], value) {
   return Number.isFinite(value) ? [Math.min(low, value), Math.max(high, value)] : [low, high];
 }
 
-/** The error of the ledger of an answer, in words. */
-function balance(answer, { stored, supplied, lost }) {
+/** The error of the ledger of an answer, in words; `exchanged` is what the stores of the compiler's run exchange. */
+function balance(answer, { stored, supplied, lost, exchanged }) {
   const [s, p, l] = [stored, supplied, lost].map((name) => answer.of(name));
   let worst = 0;
-  let scale = 0;
+  let scale = exchanged;
   for (let k = 0; k < s.length; k++) {
     worst = Math.max(worst, Math.abs(p[k] - p[0] - (l[k] - l[0]) - (s[k] - s[0])));
     scale = Math.max(scale, Math.abs(p[k] - p[0]), Math.abs(l[k] - l[0]), Math.abs(s[k] - s[0]));
