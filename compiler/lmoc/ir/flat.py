@@ -141,6 +141,7 @@ class Assignments:
     span: Span | None = None
     numbers: np.ndarray | None = None  # (n,) the right-hand sides where they are plain numbers; the shape is then NaN
     of_type: bool = False  # a start that a type of a package gives: nobody has said it of this variable
+    rank: int = 0  # of a start: 0 for what counts most where not all can be met
 
     def values(self, known: np.ndarray, time: float = np.nan) -> np.ndarray:
         """The right-hand sides as an array (n,), given the values of all variables.
@@ -243,7 +244,7 @@ class FlatDAE:
 
     `bindings`, `starts`, `fixed`, `nominals` are in an order in which each uses only what precedes it
     (bindings first). A parameter without a row in `bindings` has no value. `starts` has a row only where a start
-    value was written (explicitly, or in a type); `fixed` likewise.
+    value was written (explicitly, or in a type), those that count most last; `fixed` likewise.
     """
 
     name: str
@@ -275,6 +276,14 @@ class FlatDAE:
     @cached_property
     def kind(self) -> np.ndarray:
         return self.per_variable(lambda b: b.kind, np.uint8)
+
+    @cached_property
+    def start_rank(self) -> np.ndarray:
+        """(count,) the rank of the start value of each variable; 0 where there is none."""
+        rank = np.zeros(self.count, np.int64)
+        for a in self.starts:
+            rank[a.target] = a.rank
+        return rank
 
     @cached_property
     def input_bindings(self) -> tuple[Assignments, ...]:

@@ -148,7 +148,7 @@ class _Flattening:
             sums=join_sums(join_sums(self.sums, model.long_sums.rows()), entries.sums),
             initial_groups=tuple(assembler.groups(self.drafts.initial)),
             bindings=ordered,
-            starts=tuple(assembler.assignments(self.drafts.starts)),
+            starts=tuple(assembler.starts(self.drafts.starts)),
             fixed=tuple(assembler.assignments(self.drafts.fixed)),
             nominals=tuple(assembler.assignments(self.drafts.nominals)),
             checks=tuple(assembler.checks(self.drafts.checks)),

@@ -72,10 +72,10 @@ def initial_state(
 
     if first is not None:
         x[:] = first
-    # a first point: what stands on states, the fixed values last
-    for level in (False, True):
-        own = direct & (wanted.hard == level)
-        x[at[own]] = wanted.value[own]
+    # a first point: what stands on states, what counts most last
+    order = np.lexsort((-flat.start_rank[wanted.variable], wanted.hard))
+    own = order[direct[order]]
+    x[at[own]] = wanted.value[own]
     open_ = register >= 0
     kept, said = Targets(*(column[open_] for column in _columns(wanted))), len(report.diagnostics)
     system = StartSystem(plan, base, signals, values, time, kept, report)

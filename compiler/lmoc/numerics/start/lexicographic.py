@@ -10,15 +10,15 @@ from lmoc.support.records import dataclass
 _RANK = 1e-9  # singular values below count as zero; all rows have length 1
 _DENSE = 1000  # states of a part up to which it is solved with dense matrices; rows looked at for contradictions
 _SHORT, _REPEATED = 1e-8, 1e-10  # weights of short steps, and of rows that may repeat each other
+_LOWER, _LOWEST = 1e-2, 3  # weight of each further rank of start rows, and how many ranks are told apart by it
 _LEFT = 1e-6  # of what rows miss: if more than this cannot be made good, they contradict each other
 
 
 @dataclass(frozen=True, eq=False)
 class EqualParts:
-    """Independent parts of equal size: (parts, fixed rows), (parts, start rows), (parts, states)."""
+    """Independent parts of equal size: (parts, rows) of each level, fixed rows first, and (parts, states)."""
 
-    hard: np.ndarray
-    soft: np.ndarray
+    rows: tuple[np.ndarray, ...]
     states: np.ndarray
 
 
@@ -32,7 +32,7 @@ class Components:
     states: int
 
     def step(self, jacobian, residual: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """The step d with the least |J d + r| on fixed rows, then on start rows, then the least |x + d|.
+        """The step d with the least |J d + r| on fixed rows, then on start rows by their ranks, then the least |x + d|.
 
         States that no row touches stay as they are.
         """
@@ -40,12 +40,11 @@ class Components:
         lookup = _Lookup(jacobian, self.states)
         for batch in self.batches:
             if batch.states.shape[1] > _DENSE:
-                for rows in zip(batch.hard, batch.soft, batch.states, strict=True):
-                    d[rows[2]] = _large(jacobian, residual, *rows, self.states)
+                for *rows, states in zip(*batch.rows, batch.states, strict=True):
+                    d[states] = _large(jacobian, residual, rows, states, self.states)
                 continue
-            hard = lookup.blocks(batch.hard, batch.states)
-            soft = lookup.blocks(batch.soft, batch.states)
-            d[batch.states] = _lexicographic(hard, residual[batch.hard], soft, residual[batch.soft], x[batch.states])
+            levels = [(lookup.blocks(rows, batch.states), residual[rows]) for rows in batch.rows]
+            d[batch.states] = _lexicographic(levels, x[batch.states])
         return d
 
     def connected(self, rows: np.ndarray) -> list[np.ndarray]:
@@ -103,32 +102,30 @@ class _Lookup:
         return np.where(self.key[at] == wanted, self.values[self.order[at]], 0.0)
 
 
-def split(jacobian, hard: np.ndarray, states: int) -> Components:
+def split(jacobian, level: np.ndarray, states: int) -> Components:
     """Find the parts, and gather those of equal size.
 
     Parameters
     ----------
     jacobian : (rows, columns, values)
-    hard : (rows,) which rows must hold
+    level : (rows,) 0 for rows that must hold, above it which of the others count first
     """
     rows, columns, _ = jacobian
-    label = _connected(rows, columns, len(hard), states)
-    row_label, state_label = label[: len(hard)], label[len(hard) :]
+    label = _connected(rows, columns, len(level), states)
+    row_label, state_label = label[: len(level)], label[len(level) :]
     count = len(label)
-    members = (
-        _Members(row_label, np.flatnonzero(hard), count),
-        _Members(row_label, np.flatnonzero(~hard), count),
-        _Members(state_label, np.arange(states), count),
-    )
+    levels = (0, *distinct(level[level > 0]).tolist())
+    members = [_Members(row_label, np.flatnonzero(level == k), count) for k in levels]
+    members.append(_Members(state_label, np.arange(states), count))
     parts = distinct(row_label)
-    parts = parts[members[2].length[parts] > 0]
+    parts = parts[members[-1].length[parts] > 0]
     sizes = np.stack([m.length[parts] for m in members], axis=1)
     first, number = distinct_rows(sizes)
-    batches = tuple(
-        EqualParts(*(m.of(parts[number == k], int(n)) for m, n in zip(members, sizes[at], strict=True)))
-        for k, at in enumerate(first.tolist())
-    )
-    return Components(batches, row_label, len(hard), states)
+    batches = []
+    for k, at in enumerate(first.tolist()):
+        *own, inside = (m.of(parts[number == k], int(n)) for m, n in zip(members, sizes[at], strict=True))
+        batches.append(EqualParts(tuple(own), inside))
+    return Components(tuple(batches), row_label, len(level), states)
 
 
 class _Members:
@@ -165,12 +162,17 @@ def _connected(rows: np.ndarray, columns: np.ndarray, m: int, n: int) -> np.ndar
             return label
 
 
-def _lexicographic(hard, r_hard, soft, r_soft, x) -> np.ndarray:
-    """The step for a stack of parts; the free directions are kept as projectors."""
+def _lexicographic(levels: list[tuple[np.ndarray, np.ndarray]], x: np.ndarray) -> np.ndarray:
+    """The step for a stack of parts; the free directions are kept as projectors.
+
+    Parameters
+    ----------
+    levels : matrices (parts, rows, n) and residuals (parts, rows), those that count most first
+    """
     n = x.shape[1]
     free = np.broadcast_to(np.eye(n), (len(x), n, n))
     d = np.zeros_like(x)
-    for matrix, residual in ((hard, r_hard), (soft, r_soft)):
+    for matrix, residual in levels:
         if not matrix.shape[1]:
             continue
         inside = _scaled(matrix) @ free
@@ -182,8 +184,10 @@ def _lexicographic(hard, r_hard, soft, r_soft, x) -> np.ndarray:
     return d - rest
 
 
-def _large(jacobian, residual, hard: np.ndarray, soft: np.ndarray, states: np.ndarray, count: int) -> np.ndarray:
+def _large(jacobian, residual, levels: list[np.ndarray], states: np.ndarray, count: int) -> np.ndarray:
     """The step for one part with many states, from the sparse conditions of optimality.
+
+    There the rank of a start row is a weight.
 
     Where the rows leave a choice the step is short (so states stay near zero, where they began). It is a step of
     Levenberg and Marquardt's method: repeated, it meets the start values as closely as can be.
@@ -204,11 +208,15 @@ def _large(jacobian, residual, hard: np.ndarray, soft: np.ndarray, states: np.nd
         entries = values[used] / size[rows[used]], (number[rows[used]], place[columns[used]])
         return coo_matrix(entries, shape=(len(own), len(states))).tocsr()
 
+    hard, *wishes = levels
+    soft = np.concatenate([np.zeros(0, int), *wishes])
     fixed, wished = part(hard), part(soft)
-    top = wished.T @ wished + _SHORT * identity(len(states))
+    weight = np.repeat(_LOWER ** np.minimum(np.arange(len(wishes)), _LOWEST), [len(rows) for rows in wishes])
+    weighted = wished.T.multiply(weight).tocsr()
+    top = weighted @ wished + _SHORT * identity(len(states))
     # the small negative block keeps the matrix regular where fixed rows repeat each other
     matrix = bmat([[top, fixed.T], [fixed, -_REPEATED * identity(len(hard))]]).tocsc()
-    right = np.concatenate([-wished.T @ (residual[soft] / size[soft]), -residual[hard] / size[hard]])
+    right = np.concatenate([-weighted @ (residual[soft] / size[soft]), -residual[hard] / size[hard]])
     return splu(matrix).solve(right)[: len(states)]
 
 

@@ -35,7 +35,7 @@ def solve(
     """
     closed = nearby is not None and nearby.closed
     _, jacobian = system.evaluate(guess if closed else x)
-    components = split(jacobian, system.hard, len(x))
+    components = split(jacobian, system.level, len(x))
     start = descend(system, components, guess if closed else x)
     settled = closed and start.finite and not start.hard.any()
     if not start.complete and not settled:

@@ -43,6 +43,7 @@ class StartSystem:
     ----------
     value : (m,) values wanted; 0 for equations
     hard : (m,) whether a residual must vanish
+    level : (m,) which residuals count first: 0 for those that must vanish, above it by the ranks of start values
     """
 
     def __init__(
@@ -71,6 +72,8 @@ class StartSystem:
         self.value = np.concatenate([targets.value, np.zeros(len(equations.out))])
         self._last: tuple[np.ndarray, tuple] | None = None
         self.hard = np.concatenate([targets.hard, np.ones(len(equations.out), bool)])
+        rank = np.concatenate([self.flat.start_rank[targets.variable], np.zeros(len(equations.out), int)])
+        self.level = np.where(self.hard, 0, 1 + rank)
 
     def restart(self) -> None:
         """Let blocks begin at their first guesses again, not at their last solutions."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import isinf
 
 import numpy as np
 
 from lmoc.expression import dag
 from lmoc.expression.text import number_text
-from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part, Slider
+from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part, Slider, StateSelect
 from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Report
 from lmoc.semantics.classes.looks import Looks
@@ -190,8 +192,21 @@ class Assembler:
         result = []
         for d in drafts:
             target = np.atleast_1d(np.asarray(d.target, INDEX)) + d.variable.offset
-            result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span, of_type=d.of_type))
+            result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span, of_type=isinf(d.depth)))
         return result
+
+    def starts(self, drafts: Sequence[AssignmentDraft]) -> list[Assignments]:
+        """Start values with their ranks, those that count most last.
+
+        Guesses of variables that shall not be states (``stateSelect`` avoid or never) come after all others. Among the
+        rest those count most that are written nearest to the top of the model (Modelica's specification, 8.6.2), then
+        those of variables that shall be states.
+        """
+        default = StateSelect.default
+        keys = [(d.variable.state_select < default, d.depth, d.variable.state_select <= default) for d in drafts]
+        rank = {key: k for k, key in enumerate(sorted(set(keys)))}
+        ranked = [replace(a, rank=rank[key]) for a, key in zip(self.assignments(drafts), keys, strict=True)]
+        return sorted(ranked, key=lambda a: -a.rank)
 
     def checks(self, drafts: Sequence[CheckDraft]) -> list[Check]:
         """Checks, with variable indices."""

@@ -49,7 +49,7 @@ class AssignmentDraft:
     columns: tuple[Column, ...]
     span: Span | None
     library: bool = False
-    of_type: bool = False
+    depth: float = 0  # of the instance in whose text it is written: 0 for the model itself; inf for that of a type
 
     @property
     def rows(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from math import inf
 
 import numpy as np
 
@@ -248,8 +249,8 @@ def _attribute(model: Elaboration, drafts: Drafts, variable: Variable, name: str
         rows = list(rows)
         _require_constant(rows, variable, binding, f"'{name}'", False)
         into = {"start": drafts.starts, "nominal": drafts.nominals, "fixed": drafts.fixed}[name]
-        of_type = binding.node is None  # it is written in no part, but in a package
-        into += [AssignmentDraft(variable, *row, span, binding.scope.library, of_type) for row in rows]
+        depth = inf if binding.node is None else len(binding.node.path)  # else it is written in a package
+        into += [AssignmentDraft(variable, *row, span, binding.scope.library, depth) for row in rows]
     elif name == "unit":
         variable.unit = _text(model, variable, name, binding)
     elif name == "stateSelect":

@@ -17,6 +17,7 @@ import numpy as np
 
 from lmoc.structure.coordinates.turns import TURN, Turns, nearest_turns, turns
 from lmoc.structure.linear.generic import spread
+from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 
 # places of one round, the rounds at most, how often each assembly must have been found for the search to be complete
@@ -44,6 +45,7 @@ class Wishes:
     ----------
     level : (w,) what counts first: 0 for what is given, 1 for other coordinates, 2 for everything else; -1 where a
         place has been found at which further constraints hold that follow from these
+    rank : (w,) what counts first among what is given
     """
 
     place: np.ndarray
@@ -51,6 +53,7 @@ class Wishes:
     offset: np.ndarray
     target: np.ndarray
     level: np.ndarray
+    rank: np.ndarray
 
     def missed(self, x: np.ndarray) -> np.ndarray:
         """Return the differences (…, w) from what is wished at points (…, n)."""
@@ -107,9 +110,9 @@ class Loops:
     def aims(self) -> np.ndarray:
         """(n,) the values wished for."""
         aims, w = self.begin.copy(), self.wishes
-        for level in (2, 1, 0, -1):
-            own = (w.level == level) & ~self.held[w.place] & (self.turns.angle[w.place] | (level <= 0))
-            aims[w.place[own]] = (w.target[own] - w.offset[own]) / w.factor[own]
+        own = np.lexsort((-w.rank, -w.level))  # of several for the same, what counts most last
+        own = own[(~self.held[w.place] & (self.turns.angle[w.place] | (w.level <= 0)))[own]]
+        aims[w.place[own]] = (w.target[own] - w.offset[own]) / w.factor[own]
         return aims
 
     @cached_property
@@ -239,7 +242,8 @@ class Loops:
         basis, w = self.turns.basis, self.wishes
         if not len(basis):
             return x
-        weight = np.where(self.turns.angle[w.place], np.array([1.0, 1.0, 1e-3, 1e-6])[w.level + 1], 0.0)
+        weight = np.where(w.level == 0, 0.1 ** np.minimum(w.rank, 2), np.array([1.0, 1.0, 1e-3, 1e-6])[w.level + 1])
+        weight = np.where(self.turns.angle[w.place], weight, 0.0)
         effect = TURN * basis[:, w.place] * w.factor
         z = nearest_turns(weight * w.missed(x), weight * effect)
         result: np.ndarray = x + TURN * z @ basis
@@ -251,8 +255,8 @@ class Loops:
         length = np.abs(points[:, ~self.turns.angle]).max(initial=0.0) or 1.0  # all points may lie at the origin
         with np.errstate(all="ignore"):
             missed = np.where(self.held[w.place], 0.0, w.missed(points) / np.where(angle, TURN, length))
-        first = [w.level == -1, w.level == 0]
-        levels = [*first, (w.level == 1) & angle, (w.level == 2) & angle, (w.level == 1) & ~angle]
+        first = [(w.level == 0) & (w.rank == rank) for rank in distinct(w.rank[w.level == 0]).tolist()]
+        levels = [w.level == -1, *first, (w.level == 1) & angle, (w.level == 2) & angle, (w.level == 1) & ~angle]
         cost = np.stack([(missed[:, own] ** 2).sum(axis=1) for own in levels], axis=1)
         order, left = [], list(range(len(points)))
         while left:

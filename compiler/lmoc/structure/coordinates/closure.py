@@ -20,8 +20,9 @@ from lmoc.structure.coordinates.initial_rows import initial_rows
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.structure.loops.nearest import nearest
-from lmoc.structure.loops.sample import FIXED, MEANT, Sample, given
+from lmoc.structure.loops.sample import FIXED, GUESSED, Sample, given
 from lmoc.structure.messages.equations import Equations
+from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 from lmoc.support.sizes import DENSE
 
@@ -117,17 +118,14 @@ def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wan
 def _assemblies(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> Assemblies | None:
     """The points that satisfy some constraints, the nearest first.
 
-    What is given is kept if it can be, then what is fixed; where nothing else helps, that gives way, too.
+    What is given is kept if it can be, else what of it counts most, then what is fixed; where nothing else helps, that
+    gives way, too.
     """
-    tried: set[bytes] = set()
-    for ease in (MEANT, FIXED, 0.0):
-        held = weight <= ease
-        if held.tobytes() not in tried:
-            tried.add(held.tobytes())
-            loops = _loops(wanted, part, part.begin, held)
-            found = group_by_group(part, loops, partial(_loops, wanted)) or loops.found()
-            if found is not None:
-                return found
+    for ease in (*distinct(weight[weight <= GUESSED])[::-1].tolist(), 0.0):
+        loops = _loops(wanted, part, part.begin, weight <= ease)
+        found = group_by_group(part, loops, partial(_loops, wanted)) or loops.found()
+        if found is not None:
+            return found
     return None
 
 
@@ -178,17 +176,18 @@ class _Wanted:
     offset: np.ndarray
     target: np.ndarray
     level: np.ndarray
+    rank: np.ndarray
 
     @staticmethod
     def of(system: EquationSystem, sample: Sample, fixed: tuple[np.ndarray, np.ndarray] | None) -> _Wanted:
         flat, n = system.flat, system.normalized
         own = np.flatnonzero((flat.kind == Kind.UNKNOWN) & (n.order == 0) & (system.column[n.root] >= 0))
         value = sample.value[0]
-        start = np.full(flat.count, np.nan)
+        start, rank = np.full(flat.count, np.nan), flat.start_rank.copy()
         for a in flat.starts:
             start[a.target] = a.values(value)
         if fixed is not None:
-            start[fixed[0]] = fixed[1]
+            start[fixed[0]], rank[fixed[0]] = fixed[1], 0
         factor = np.where(n.factor[own] >= 0, value[n.factor[own]], np.where(n.factor[own] == -2, -1.0, 1.0))
         offset = np.where(n.offset[own] >= 0, value[n.offset[own]], 0.0)
         has = np.isfinite(start[own])
@@ -204,12 +203,13 @@ class _Wanted:
             target, level = np.where(known, factor * there + offset, target), np.where(known, -1, level)
         order = np.argsort(n.root[own], kind="stable")
         order = order[np.isfinite(factor[order]) & (factor[order] != 0) & np.isfinite(offset[order])]
-        return _Wanted(own[order], n.root[own][order], factor[order], offset[order], target[order], level[order])
+        columns = (factor, offset, target, level, rank[own])
+        return _Wanted(own[order], n.root[own][order], *(column[order] for column in columns))
 
     def among(self, jets: np.ndarray) -> Wishes:
         """Return what is wanted of some jets."""
         own, at = self._places(jets)
-        return Wishes(at, self.factor[own], self.offset[own], self.target[own], self.level[own])
+        return Wishes(at, self.factor[own], self.offset[own], self.target[own], self.level[own], self.rank[own])
 
     def told_apart(self, jets: np.ndarray, found: Assemblies) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return the variables that tell assemblies apart, best those with a guess or a mark, and their values."""

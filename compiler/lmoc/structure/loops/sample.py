@@ -14,13 +14,14 @@ from lmoc.ir.flat import Assignments
 from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, KNOWN
 from lmoc.structure.linear.generic import spread_at
+from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 
 # a time at which nothing special happens
 GENERIC_TIME = 0.1234
 
-# how easily a fixed value gives way, and a start value
-FIXED, MEANT = 1e-8, 1e-4
+# how easily a fixed value gives way, a start value, and one of those that count least
+FIXED, MEANT, GUESSED = 1e-8, 1e-4, 1e-2
 
 # what a variable without start value begins with: near the zero that it is given where it becomes a state
 UNMARKED = 1e-2
@@ -71,7 +72,8 @@ def given(
     Returns
     -------
     sample : Sample
-    ease : (orders, extended) how easily each value gives way to others: start values hardly, fixed ones least
+    ease : (orders, extended) how easily each value gives way to others: start values hardly, those that count most
+        less than others, fixed ones least
     """
     flat = system.flat
     time = flat.experiment.start or 0.0
@@ -81,11 +83,13 @@ def given(
         numbers = a.values(value[0], time)
         value[0, a.target] = np.where(np.isfinite(numbers), numbers, value[0, a.target])
     start = np.full(flat.count, np.nan)
+    ranks = distinct(np.array([a.rank for a in flat.starts], int))
     for a in flat.starts:
         start[a.target] = a.values(value[0])
         jets, found = _of_roots(system, a, value)
         value.flat[jets] = found
-        ease.flat[jets] = MEANT
+        share = np.searchsorted(ranks, a.rank) / max(1, len(ranks) - 1)
+        ease.flat[jets] = MEANT * (GUESSED / MEANT) ** share
     for a in flat.fixed:
         # of several names of one variable, that which is fixed counts; fixed without a value: at zero
         target = a.target[a.values(value[0]) > 0]
