@@ -81,8 +81,13 @@ def total_derivative(root: Expr, constant: Collection[int] = ()) -> Expr:
 Linear = tuple[dict[Expr, Expr], Expr]  # coefficients of leaves, and the rest
 
 
-def linear_parts(root: Expr, leaves: Collection[Expr]) -> Linear | None:
+def linear_parts(root: Expr, leaves: Collection[Expr], in_branches: bool = False) -> Linear | None:
     """Coefficients and rest of an expression that is linear in the given leaves together.
+
+    Parameters
+    ----------
+    in_branches : whether an ``if`` counts that is linear in each branch, and whose condition has none of the leaves;
+        such a coefficient may vanish in one of them
 
     Returns
     -------
@@ -92,11 +97,11 @@ def linear_parts(root: Expr, leaves: Collection[Expr]) -> Linear | None:
     parts: dict[int, Linear | None] = {}
     wanted = set(leaves)
     for node in postorder(root):
-        parts[id(node)] = _linear_node(node, wanted, parts)
+        parts[id(node)] = _linear_node(node, wanted, parts, in_branches)
     return parts[id(root)]
 
 
-def _linear_node(node: Expr, wanted: set[Expr], parts: Mapping[int, Linear | None]) -> Linear | None:
+def _linear_node(node: Expr, wanted: set[Expr], parts: Mapping[int, Linear | None], in_branches: bool) -> Linear | None:
     if not node.args:
         return ({node: ONE}, ZERO) if node in wanted else ({}, node)
     got: list[Linear] = []
@@ -126,4 +131,8 @@ def _linear_node(node: Expr, wanted: set[Expr], parts: Mapping[int, Linear | Non
     if op == "div" and not got[1][0]:
         (ca, ra), (_, rb) = got
         return {k: div(c, rb) for k, c in ca.items()}, div(ra, rb)
+    if op == "if" and in_branches and not got[0][0]:
+        (_, condition), (ca, ra), (cb, rb) = got
+        both = {**ca, **cb}
+        return {k: if_(condition, ca.get(k, ZERO), cb.get(k, ZERO)) for k in both}, if_(condition, ra, rb)
     return None

@@ -58,8 +58,8 @@ def pivot(residual: Expr, kinds: Kinds, leaf: Expr) -> Expr | None:
 
 @cache
 def jointly_linear(residual: Expr, leaves: tuple[Expr, ...]) -> tuple[tuple[Expr, Expr], ...] | None:
-    """Pairs (leaf, coefficient) where the residual is linear in all leaves together, else None."""
-    parts = linear_parts(residual, leaves)
+    """Pairs (leaf, coefficient) where the residual is linear in all leaves together, in each branch, else None."""
+    parts = linear_parts(residual, leaves, in_branches=True)
     return None if parts is None else tuple(parts[0].items())
 
 
