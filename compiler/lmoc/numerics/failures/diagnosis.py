@@ -15,7 +15,7 @@ from lmoc.numerics.coordinates.change import block_unknowns
 from lmoc.numerics.failures.nan_sources import MovingRisks, moving, nan_sources
 from lmoc.numerics.limits import NUMBERS
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.observe.slices import Slice
+from lmoc.numerics.observe.slices import Slice, slice_of
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import Signal, is_own, sample
@@ -24,7 +24,7 @@ from lmoc.support.distinct import distinct
 from lmoc.support.sizes import DENSE
 
 _AHEAD = 40  # halvings of the distance at which a lost value is looked for
-_FOLLOWED = 25  # times at which nonlinear equations beside the motion are solved, to see whether they can be
+_FOLLOWED = 25  # times at which nonlinear equations are solved, to see whether they can be
 _WITHOUT_BOUND = 1e6  # times its size during the run: a state that changes as fast has no bound
 _SUSPECTS = 10  # of the times at which something seems to be lost, so many are looked at closely
 
@@ -143,29 +143,30 @@ def first_not_finite(
 
 
 def unsolved(observer: Observer, times: np.ndarray, states: np.ndarray) -> tuple[str, Span | None, float] | None:
-    """Describe nonlinear equations beside the motion that have no solution, its place, and the time.
+    """Describe nonlinear equations for which no solution is found, its place, and the time.
 
-    None where all have one. They are followed over some of the times, as when somebody asks for their unknowns.
+    None where all have one. They are followed over some of the times, as when somebody asks for their unknowns; where
+    that loses one, over all of these times.
     """
     plan = observer.plan
     registers = plan.once(_followed)
     if not len(registers):
         return None
-    part = Slice(plan, registers).bind(observer.base, observer.signals)
-    for k in np.unique(np.linspace(0, len(times) - 1, _FOLLOWED).astype(int)).tolist():
-        lost = np.flatnonzero(~np.isfinite(part(times[k : k + 1], states[k : k + 1])[0]))
-        if len(lost):
-            first, nothing = registers[lost[:1]], np.full(plan.count, np.nan)
-            return *sentence(plan.reduced, first, nothing, True, observer.signals), float(times[k])
-    return None
+    values = observer.followed(slice_of(plan, registers))
+    for which in (np.unique(np.linspace(0, len(times) - 1, _FOLLOWED).astype(int)), np.arange(len(times))):
+        lost = np.argwhere(~np.isfinite(values(times[which], states[which])))
+        if not len(lost):
+            return None
+    row, column = lost[0].tolist()
+    first, nothing = registers[column : column + 1], np.full(plan.count, np.nan)
+    return *sentence(plan.reduced, first, nothing, True, observer.signals), float(times[row])
 
 
 def _followed(plan: Plan) -> np.ndarray:
-    """Return the unknowns of nonlinear blocks that no derivative needs."""
+    """Return the unknowns of nonlinear blocks."""
     blocks = [s.unknowns.ravel() for s in walk(plan.full_program) if isinstance(s, Solve) and not s.linear]
-    needed = distinct(np.concatenate([np.zeros(0, int), *(written(s) for s in walk(plan.program))]))
     found = distinct(np.concatenate([np.zeros(0, int), *blocks]))
-    return found[~np.isin(found, needed) & (found < plan.reduced.registers.count)]
+    return found[found < plan.reduced.registers.count]
 
 
 def _losable(plan: Plan) -> tuple[Program, np.ndarray, int]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.messages.diagnostics import Report, Subject
+from lmoc.numerics.coordinates.change import block_unknowns
 from lmoc.numerics.failures.diagnosis import fastest, first_not_finite, lost_ahead, moving_risks, suspects, unsolved
 from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.options.options import TimeSpan
@@ -43,6 +44,9 @@ def check_start(segment: Segment, time: float, x: np.ndarray, report: Report) ->
     needed = not (np.isfinite(derivative).all() and np.isfinite(x).all())
     program = None if needed else segment.plan.full_program
     near = segment.system.registers
+    if near is not None and not needed:  # what is read later goes on from the solutions that the motion begins with
+        unknowns = segment.plan.once(block_unknowns)
+        segment.base[unknowns] = near[unknowns]
     found, span, nonlinear = first_not_finite(segment.observer, time, x, program, near, near is not None)
     if needed or nonlinear:
         singular = starts_singular(segment, time, x) if np.isfinite(x).all() else ""
@@ -97,6 +101,7 @@ def check_values(segment: Segment, outcome: Outcome, everything: bool, report: R
             report.warning("W0537", f"{found} at t = {times[k]:g} s", span, subject=Subject.NOT_FINITE)
             return
 
+    segment.take_path()
     without = unsolved(segment.observer, *recorder.sampled())
     if without is not None:
         sentence, span, time = without

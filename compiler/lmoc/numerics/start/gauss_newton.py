@@ -20,6 +20,8 @@ _ITERATIONS = 40
 _HALVINGS = 8
 _MET = 1e-9  # of the size of the values: weighted fixed rows that count as met while steps are judged
 _MISSED_HARD, _MISSED_SOFT = 1e-7, 1e-6  # a fixed value, a start value counts as missed
+_ROUNDING = 1e-13  # of the sizes of the states: a residual that such changes of them make is met as well as it can be
+_ROUGHLY = 1e-3  # of the size of a value: by more nothing is missed, however steep it is
 _CLEARLY = 1e-3  # by which share of what is missed another start must be better
 _UNCHANGED = 1e-9  # of the largest entry of a row: its gradient is the same everywhere
 # how far from the first guess to begin again, from near to far and on both sides; then in scattered directions
@@ -123,10 +125,17 @@ def _row_weights(jacobian, hard: np.ndarray) -> np.ndarray:
 
 def _ended(system: StartSystem, x: np.ndarray) -> GaussNewtonResult:
     residual, jacobian = system.evaluate(x)
-    scale = 1.0 + np.abs(system.value)
-    hard = system.hard & ~(np.abs(residual) <= _MISSED_HARD * scale)
-    soft = ~system.hard & ~(np.abs(residual) <= _MISSED_SOFT * scale)
+    scale, rounding = 1.0 + np.abs(system.value), _ROUNDING * _terms(jacobian, x, len(residual))
+    rounding = np.where(rounding <= scale, np.minimum(rounding, _ROUGHLY * scale), 0.0)  # a root's slope is infinite
+    hard = system.hard & ~(np.abs(residual) <= np.maximum(_MISSED_HARD * scale, rounding))
+    soft = ~system.hard & ~(np.abs(residual) <= np.maximum(_MISSED_SOFT * scale, rounding))
     return GaussNewtonResult(x, residual, jacobian, hard, soft)
+
+
+def _terms(jacobian: tuple[np.ndarray, np.ndarray, np.ndarray], x: np.ndarray, count: int) -> np.ndarray:
+    """Return (count,) how much each residual changes where the states change by their sizes."""
+    rows, columns, values = jacobian
+    return np.bincount(rows, np.abs(values) * (1.0 + np.abs(x[columns])), minlength=count)
 
 
 # --------------------------------------------------------------------- beginning again

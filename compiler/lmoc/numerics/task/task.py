@@ -102,6 +102,11 @@ class Segment:
         """Number of output times behind."""
         return self.first + self.recorder.reached
 
+    def take_path(self) -> None:
+        """Let variables be read along the way that its watch has seen so far."""
+        if self.watch is not None:
+            self.observer.path = self.watch.path
+
     def record(self, outcome: Outcome | None = None) -> SegmentRecord:
         """Return what it has given; where it failed behind its last output time, with the place reached."""
         times, table = self.recorder.taken()
@@ -109,8 +114,7 @@ class Segment:
         if failed and outcome.time > (times[-1] if len(times) else -np.inf):
             times = np.append(times, outcome.time)
             table = np.vstack([table, self.recorder.kept(times[-1:], outcome.x[None])])
-        if self.watch is not None:
-            self.observer.path = self.watch.path
+        self.take_path()
         sampled = self.recorder.sampled()
         return SegmentRecord(self.observer, self.begin, times, table, sampled, self.mode, self.largest, self.rounding)
 
