@@ -68,9 +68,11 @@ _FUNCTIONS = {
     "lmoc_with_cones": (_INT, [_COUNT, *[_POINTER] * 8]),
     "lmoc_collide": (_INT, [_COUNT, *[_POINTER] * 10]),
     "lmoc_settle": (_INT, [_POINTER] * 8),
-    "lmoc_correction": (_INT, [_COUNT, _COUNT, *[_POINTER] * 3]),
+    "lmoc_projected": (_INT, [_POINTER, _REAL, *[_POINTER] * 5]),
+    "lmoc_drift": (None, [_COUNT, _COUNT, *[_POINTER] * 3]),
+    "lmoc_resisted": (_INT, [_POINTER, _REAL, *[_POINTER] * 4]),
+    "lmoc_transition": (_INT, [_POINTER, _REAL, *[_POINTER] * 4]),
     "lmoc_held_velocities": (_INT, [_COUNT, _COUNT, *[_POINTER] * 2]),
-    "lmoc_depends_on_order": (_INT, [_COUNT, *[_POINTER] * 4]),
 }
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from oracles.impacts import collide
 
 from lmoc.numerics.laws.complementarity import NoSolution
 from lmoc.numerics.laws.cones import NO_FRICTION, Friction, solve_with_cones
-from lmoc.numerics.laws.impact import collide
 
 
 def assert_solves(matrix, q, friction, x):

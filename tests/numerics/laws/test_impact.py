@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from lmoc.numerics.laws.impact import NEWTON, POISSON, collide
+from oracles.impacts import NEWTON, POISSON, collide
 
 
 def chain(masses):

@@ -1,7 +1,7 @@
 """The model's assertions outside of `when`, watched while it runs.
 
 The relations of a condition are functions of time that are looked at in every accepted step, and inside it, as those of
-events are (`steps.roots`): an assertion that does not hold is noticed on whatever output times, and since when is
+events are (`engine/c/roots.c`): an assertion that does not hold is noticed on whatever output times, and since when is
 known to the last digits. One of level error ends the run there; of the others the first time and the duration are told.
 """
 

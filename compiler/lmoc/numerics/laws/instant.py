@@ -25,7 +25,7 @@ _SMALL = 1e-12  # of its terms: levels that may be rounding alone
 KINDS = tuple(LawKind)
 
 
-class _Laws(ctypes.Structure):
+class Laws(ctypes.Structure):
     """``lmoc_laws`` in ``engine/c/laws.h``."""
 
     _fields_ = [
@@ -76,10 +76,10 @@ class LawTable:
         return self.restitution > 1.0 - _LOSSLESS
 
     @cached_property
-    def in_c(self) -> _Laws:
+    def in_c(self) -> Laws:
         """The structure that the engine reads; valid as long as the table lives."""
         numbers = [np.ascontiguousarray(v, np.int64) for v in (self.degree, self.normal)]
-        made = _Laws(len(self.kind), *(v.ctypes.data for v in (*numbers, self.complementary, self.dry, self.contact)))
+        made = Laws(len(self.kind), *(v.ctypes.data for v in (*numbers, self.complementary, self.dry, self.contact)))
         made.kept = numbers
         return made
 
@@ -121,11 +121,10 @@ class Instant:
     stick: Array
     stored: float
 
-    @cached_property
-    def acceleration(self) -> Array:
-        """(n,) sizes of the levels that the states and the law's own friction make."""
-        held = self.delassus.diagonal() * self.stick
-        return np.abs(self.bias) + np.where(np.isfinite(held), held, 0.0)
+    def values(self) -> Array:
+        """Return all values in one row, as ``lmoc_contact`` has them behind the states."""
+        rows = self.gap, self.rate, self.gap_scale, self.rate_scale, self.bias, self.slip, self.stick
+        return np.concatenate([*rows, self.delassus.ravel(), self.response.ravel(), self.slope.ravel()])
 
 
 class ContactKinematics:

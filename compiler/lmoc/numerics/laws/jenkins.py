@@ -55,6 +55,10 @@ class Relaxed:
     at_upper: Mask
     lost: Array
 
+    def behind(self, now: Instant) -> Relaxed:
+        """Return the same at another instant."""
+        return replace(self, now=now)
+
 
 class JenkinsRates:
     """The forces of Jenkins friction as they follow from the states, and its velocities in a mode of the others.

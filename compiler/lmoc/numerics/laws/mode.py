@@ -23,7 +23,7 @@ class _Levels(ctypes.Structure):
     _fields_ = [(name, ctypes.c_void_p) for name in ("bias", "delassus", "slip", "stick")]
 
 
-class _Settled(ctypes.Structure):
+class SettledInC(ctypes.Structure):
     """``lmoc_settled`` in the same."""
 
     _fields_ = [
@@ -41,12 +41,33 @@ class Settled:
     mode : Mode
     force, level : (n,) forces of the laws, and the level quantities that they lead to
     unique : (n,) whether the force is determined
+    laws : (n,) those that contradict each other, where there is no mode
     """
 
     mode: Mode
     force: Array
     level: Array
     unique: Mask
+    laws: Mask
+
+    @classmethod
+    def empty(cls, count: int) -> Settled:
+        """Return a place for one that C fills."""
+        closed, implied, unique, laws = np.zeros((4, count), bool)
+        push, force, level = np.zeros((3, count))
+        return cls(Mode(closed, np.zeros(count, np.int64), implied, push), force, level, unique, laws)
+
+    @property
+    def in_c(self) -> SettledInC:
+        """The structure that the engine fills; valid as long as this lives."""
+        m = self.mode
+        arrays = m.closed, m.implied, self.unique, self.laws, m.direction, m.push, self.force, self.level
+        return SettledInC(*(a.ctypes.data for a in arrays))
+
+    def take(self, mode: Mode) -> None:
+        """Take another mode in place of this one."""
+        for name in ("closed", "direction", "implied", "push"):
+            getattr(self.mode, name)[:] = getattr(mode, name)
 
 
 def settle(
@@ -73,23 +94,20 @@ def settle(
     Contradiction
         No forces satisfy the laws, such as a body pressed between two stops, or Painlevé's paradox.
     """
-    n = len(candidate)
     given = [numbers(v) for v in (now.bias, now.delassus, now.slip, now.stick)]
-    closed, implied, unique, laws = np.empty((4, n), bool)
-    direction, (push, force, level) = np.empty(n, np.int64), np.empty((3, n))
     before = [np.ascontiguousarray(v, bool) for v in (mode.closed, candidate)]
     before += [np.ascontiguousarray(v, np.int64) for v in (sliding, at_limit)]
     others = None if opening is None else np.ascontiguousarray(opening, bool)
-    results = (v.ctypes.data for v in (closed, implied, unique, laws, direction, push, force, level))
-    levels, found = _Levels(*(v.ctypes.data for v in given)), _Settled(*results)
+    settled = Settled.empty(len(candidate))
+    levels, found = _Levels(*(v.ctypes.data for v in given)), settled.in_c
     status = library().lmoc_settle(
         ctypes.addressof(table.in_c), ctypes.addressof(levels), *(v.ctypes.data for v in before),
         None if others is None else others.ctypes.data, ctypes.addressof(found),
     )  # fmt: skip
     if status == NO_SOLUTION:
-        raise Contradiction(np.flatnonzero(laws), "no forces keep them")
-    checked(status, force)
-    return Settled(Mode(closed, direction, implied, push), force, level, unique)
+        raise Contradiction(np.flatnonzero(settled.laws), "no forces keep them")
+    checked(status, settled.force)
+    return settled
 
 
 def free_mode(table: LawTable) -> Mode:

@@ -14,11 +14,11 @@ from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import ContactKinematics, Instant
-from lmoc.numerics.laws.manifold import drift, project
+from lmoc.numerics.laws.manifold import drift, project, resisted
 from lmoc.numerics.laws.mode import STILL, free_mode
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.laws.rest import held_velocities
-from lmoc.numerics.laws.transition import AT_ONCE, Transition, Trigger, resisted, transition
+from lmoc.numerics.laws.transition import Transition, Trigger, transition
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Roots
@@ -26,6 +26,7 @@ from lmoc.numerics.problem.mode import Mode
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 
+AT_ONCE = 1e-10  # s behind the start within which a law opens as the run begins
 KEPT = 1e-14  # share of its terms by which what is closed may miss zero at output times
 NEAR = 1e-10  # values below this share of their terms are zero up to rounding at the beginning of a segment …
 APART = 1e-13  # … and have come back to zero only when they are below zero by this share …
@@ -171,7 +172,7 @@ class LawSwitching:
         if (value <= share * np.stack([now.gap_scale, now.rate_scale])[chosen]).all():
             return x
         try:
-            return project(self.kinematics, now, *chosen).x
+            return project(self.kinematics, now, *chosen)
         except Contradiction:
             return np.full(len(x), np.nan)
 
@@ -283,7 +284,7 @@ class LawSwitching:
         now = self.kinematics.at(t, x)
         if (x == before).all():
             return now.x
-        return resisted(self.kinematics, now, self.mode.closed & ~self._apart_from(now)).x
+        return resisted(self.kinematics, now, self.mode.closed & ~self._apart_from(now))
 
     def names(self, which: NDArray[np.bool_]) -> list[str]:
         """Return the names of the parts whose root functions have vanished."""

@@ -14,7 +14,7 @@ There the force itself is a state, and the equation one between rates,
 which keeps a slipping force at its limit as sticking friction keeps its place. So all modes of a scene, 2ⁿ of them,
 share one reduction, one set of kernels and one way back to every variable; the free scene with all laws open decides
 about coordinates, and a closed law is a row of an implicit linear block. The states keep what a closed law adds,
-gap = 0 and rate = 0, as invariants (`numerics.laws.manifold`).
+gap = 0 and rate = 0, as invariants (`engine/c/project.c`).
 
 Reducing every mode by itself (`lmoc.ir.mode`) would give fewer states, and is how the equations of a mode are
 printed. For a train of 50 wagons that meets 49 modes it costs 49 reductions and kernels; measured at 25 to 140 ms

@@ -141,7 +141,7 @@ export class EventHandler {
     });
   }
 
-  /** The slopes of zero functions, and how high they rise before they come back, as of `numerics/events/excursion.py`. */
+  /** The slopes of zero functions, and how high they rise before they come back, as of `engine/c/hops.c`. */
   ways(t, x, zeros, short) {
     const { discrete, scene } = this;
     const rates = (time, states) => {

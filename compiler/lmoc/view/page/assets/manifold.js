@@ -1,4 +1,4 @@
-// Gaps, rates and sliding velocities that closed laws keep at zero, and the projection onto them, as `numerics/laws/manifold.py`.
+// Gaps, rates and sliding velocities that closed laws keep at zero, and the projection onto them, as `engine/c/project.c`.
 
 import { Contradiction } from "./instant.js";
 import { indices, largest, termsOf } from "./matrix.js";

@@ -1,5 +1,5 @@
 // Location of sign changes of functions of time and state within a step: on the step's own dense output, in order, as
-// `numerics/steps/roots.py`, which cites the papers.
+// `engine/c/roots.c`, which cites the papers.
 
 const INSIDE = [0, 0.25, 0.5, 0.75, 1]; // of a step, where the functions are looked at
 const COARSE = 0.02; // of a function's change in a step: what samples may be off by that follow it

@@ -1,4 +1,4 @@
-// What happens to the laws of a scene at an instant, as `numerics/laws/transition.py`: the states are moved onto what is
+// What happens to the laws of a scene at an instant, as `engine/c/transition.c`: the states are moved onto what is
 // closed or closing, impulses change the velocities, and the forces decide which laws hold from here on.
 
 import { collide } from "./impact.js";

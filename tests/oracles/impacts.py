@@ -1,4 +1,4 @@
-"""Impacts: the impulses with which closed and closing laws stop each other (``engine/c/impact.c``)."""
+"""Impacts as the engine solves them (``engine/c/impact.c``), for tests of their own."""
 
 from __future__ import annotations
 
@@ -62,15 +62,3 @@ def collide(
     )  # fmt: skip
     checked(status, impulse)
     return Impact(impulse, after, lost, (NEWTON, POISSON)[law.value], unique)
-
-
-def depends_on_order(delassus: Array, rate: Array, restitution: Array, after: Array) -> bool:
-    """Return whether some laws would be left with other rates if they were hit one after the other.
-
-    Parameters
-    ----------
-    delassus, rate, restitution : as of `collide`, of laws without friction
-    after : (n,) the rates after the impact of all at once
-    """
-    given = [numbers(v) for v in (delassus, rate, restitution, after)]
-    return bool(library().lmoc_depends_on_order(len(rate), *(v.ctypes.data for v in given)))

@@ -1,0 +1,59 @@
+/* The laws of a scene at an instant: gaps, rates, the effect of their forces; and the way from one instant to another. */
+
+#ifndef LMOC_KINEMATICS_H
+#define LMOC_KINEMATICS_H
+
+#include "laws.h"
+
+enum { LMOC_JENKINS = -1 };  /* relative degree of friction between springs: its force is a state */
+/* Why there is no way: what an owner has halted; or laws that contradict each other, since no states, impulses or forces
+   satisfy them. */
+enum { LMOC_HELD_UP = 2, LMOC_NO_STATES = 3, LMOC_NO_IMPULSES = 4, LMOC_NO_FORCES = LMOC_NO_SOLUTION };
+
+/* Values at a time and states, with all laws open and their forces zero, by rows: one piece of memory. */
+typedef struct {
+  double time;
+  double *x;                             /* (states,) */
+  double *gap, *rate;                    /* (n,) no number where a law has none */
+  double *gap_scale, *rate_scale;        /* (n,) sizes of the terms whose sums they are */
+  double *bias, *slip, *stick;           /* (n,) levels; limits of friction, no number for others */
+  double *delassus, *response, *slope;   /* (n, n) levels by forces; (states, n) rates of states; (2, n, states) gaps and
+                                            rates by the states */
+} lmoc_contact;
+
+/* The scene, and who is asked. */
+typedef struct {
+  lmoc_laws laws;
+  int64_t states;
+  const lmoc_flag *unilateral, *ledger;  /* (n,), (states,) which states only keep accounts */
+  const double *restitution;             /* (n,) */
+  const double *errors, *unresolved;     /* (states,) what the integrator allows itself in a step; what it tells apart by no
+                                            more */
+  void *owner;                           /* 0 where an answer is good */
+  int (*at)(void *owner, double time, const double *x, double *values);  /* (`lmoc_contact_size`,) behind the states */
+  int (*exact)(void *owner, double time, const double *x, const lmoc_flag *which, double *bias); /* levels of these laws
+                                            that are rounding alone become zero; or 0 */
+  int (*relax)(void *owner, const double *x, double *moved, double *lost);  /* Jenkins friction within its limits; or 0 */
+  int (*decide)(void *owner, const double *x);     /* what it does in the mode that has been found; or 0 */
+} lmoc_kinematics;
+
+/* Doubles of an instant, and their places. */
+int64_t lmoc_contact_size(int64_t laws, int64_t states);
+void lmoc_contact_place(int64_t laws, int64_t states, double *memory, lmoc_contact *to);
+
+int lmoc_contact_at(const lmoc_kinematics *k, double time, const double *x, lmoc_contact *to);
+
+/* Move states to where some gaps and rates are zero, nearby: by Newton's method. `spare` is another place for an instant;
+   `laws` (n,) are those that have no such states. */
+int lmoc_project(const lmoc_kinematics *k, const lmoc_flag *gaps, const lmoc_flag *rates, lmoc_contact *now,
+                 lmoc_contact *spare, lmoc_flag *laws);
+
+/* The states alone, from others. */
+int lmoc_projected(const lmoc_kinematics *k, double time, const double *x, const lmoc_flag *gaps, const lmoc_flag *rates,
+                   double *moved, lmoc_flag *laws);
+
+/* By what gaps, or rates, may have drifted that have such derivatives by the states, (count, states), with such `errors`
+   in a step. */
+void lmoc_drift(int64_t count, int64_t states, const double *slope, const double *errors, double *out);
+
+#endif
