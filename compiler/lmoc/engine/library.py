@@ -71,6 +71,8 @@ _FUNCTIONS = {
     "lmoc_projected": (_INT, [_POINTER, _REAL, *[_POINTER] * 5]),
     "lmoc_drift": (None, [_COUNT, _COUNT, *[_POINTER] * 3]),
     "lmoc_resisted": (_INT, [_POINTER, _REAL, *[_POINTER] * 4]),
+    "lmoc_law_roots": (_COUNT, [_POINTER, _COUNT, *[_POINTER] * 3]),
+    "lmoc_law_apart": (None, [_POINTER] * 5),
     "lmoc_transition": (_INT, [_POINTER, _REAL, *[_POINTER] * 4]),
     "lmoc_held_velocities": (_INT, [_COUNT, _COUNT, *[_POINTER] * 2]),
 }

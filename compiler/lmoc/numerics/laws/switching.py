@@ -16,6 +16,7 @@ from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import ContactKinematics, Instant
 from lmoc.numerics.laws.manifold import drift, project, resisted
 from lmoc.numerics.laws.mode import STILL, free_mode
+from lmoc.numerics.laws.mode_roots import ModeRoots
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.laws.rest import held_velocities
 from lmoc.numerics.laws.transition import Transition, Trigger, transition
@@ -28,11 +29,7 @@ from lmoc.numerics.signals.signals import Constant, Signal
 
 AT_ONCE = 1e-10  # s behind the start within which a law opens as the run begins
 KEPT = 1e-14  # share of its terms by which what is closed may miss zero at output times
-NEAR = 1e-10  # values below this share of their terms are zero up to rounding at the beginning of a segment …
-APART = 1e-13  # … and have come back to zero only when they are below zero by this share …
-LEAVING = 1e-16  # … or by this one where they grow from zero at once
-COARSEST = 13  # of such roots; by then all that is left of the terms is zero
-COARSER = 10.0  # times these shares behind each root at which nothing has happened
+NEAR = 1e-10  # a mode with values below zero by more does not hold any longer where a run goes on
 ROUNDING = 1e-13  # share of the forces that hold a body by which they may miss each other
 OVERLAP = 1e-8  # a gap is negative where it is by this share of the lengths of the scene …
 _SERIES = 3  # impacts by which the end of a series is known
@@ -62,7 +59,6 @@ class LawSwitching:
         self.rounding = np.zeros(len(plan.states))  # of the states' rates, by the forces that hold there
         self.laws = law_rows(plan.reduced.flat, self.kinematics.form.laws)
         self.reader = reader(self.kinematics)
-        self.limits = self.kinematics.known[4]
         self.begun = -np.inf  # s, where the first mode was found
         self.impacts = [deque(maxlen=_SERIES) for _ in range(self.kinematics.form.count)]  # s, the latest of each law
         self.undecided: list[tuple[float, list[str]]] = []  # s, and the laws of impacts whose order would matter
@@ -97,59 +93,10 @@ class LawSwitching:
         base, signals : those of the segment
         """
         evaluate = self.reader(base, signals)
-        table, mode, n = self.kinematics.table, self.mode, self.kinematics.form.count
-        closed, alone = mode.closed, mode.implied & ~mode.closed  # others hold these at rest, up to rounding
-        stuck = closed & ~table.complementary
-        self.second = stuck.nonzero()[0]
-        dry = not table.complementary.all()
-        some_alone = alone.any()
-
-        def values(times: Array, states: Array) -> Array:
-            found = evaluate(times, states)
-            motion, rate, force, stick = (found[:, k * n : (k + 1) * n] for k in range(4))
-            first = np.where(closed, force, motion)
-            if dry:
-                limit = np.where(np.isnan(self.limits), stick, self.limits)
-                limit = np.where(table.normal == NONE, limit, limit * force[:, table.normal])
-                sliding = np.where(closed, limit - force, mode.direction * rate)
-                first = np.where(table.complementary, first, sliding)
-            if some_alone:
-                first[:, alone] = 1.0
-            return np.concatenate([first, (limit + force)[:, stuck]], axis=1) if len(self.second) else first
-
-        apart = self._apart(values(np.array([t]), x[None])[0])
-        return Roots(lambda times, states: values(times, states) + apart, np.ones(len(apart)))
-
-    def _apart(self, value: Array) -> Array:
-        """Return what keeps functions that begin at zero, up to rounding, from being noticed at once.
-
-        A gap that opens with a velocity begins at zero and grows. What has not been touched counts to the last digit:
-        near the end of its bounces a body rises by less than any share of the lengths around.
-
-        Values between long steps of equal length are known less well: a gap that opens with the third power of time
-        seems to close at once. Where nothing happens at such a root, the next one has to be farther from zero.
-        """
-        now, table = self.now, self.kinematics.table
-        rounding = np.zeros(len(self.idle))  # of the forces of what is closed without a load
-        with np.errstate(invalid="ignore", divide="ignore"):
-            leaves = table.unilateral & ~self.mode.closed & (now.rate > STILL * now.rate_scale)
-            motion = np.where(table.unilateral, now.gap_scale, now.rate_scale)
-            if self.mode.closed.any():
-                held = np.abs(now.bias / now.delassus.diagonal()) + np.nan_to_num(now.stick)
-                unloaded = self.mode.closed & (np.abs(now.bias) <= self.kinematics.noise)
-                rounding = np.where(unloaded, self.kinematics.noise / now.delassus.diagonal(), 0.0)
-                rounding = np.nan_to_num(rounding, posinf=0.0)
-                motion = np.where(self.mode.closed, np.nan_to_num(held, posinf=0.0), motion)
-        coarser = COARSER ** np.minimum(self.idle, COARSEST)
-        concerned = self.mode.closed | self.touched | (self.idle > 0)
-        share = np.maximum(np.where(leaves & (self.idle == 0), LEAVING, APART * coarser) * motion, rounding)
-        near = np.maximum(NEAR * coarser * motion, rounding)
-        driven = self.kinematics.scene.curved[0] & self.touched & ~self.mode.closed
-        if driven.any():
-            near = np.where(driven, np.maximum(near, drift(self.kinematics, now.slope[0])), near)
-        if len(self.second):
-            near, share, concerned = (np.concatenate([v, v[self.second]]) for v in (near, share, concerned))
-        return np.where(concerned & (np.abs(value) <= near), np.maximum(-value, 0.0) + share, 0.0)
+        found = ModeRoots(self.kinematics, self.mode, self.touched, self.idle)
+        self.second = found.second
+        apart = found.apart(self.now, found.values(evaluate(np.array([t]), x[None]))[0])
+        return Roots(lambda times, states: found.values(evaluate(times, states), apart), np.ones(len(apart)))
 
     # ------------------------------------------------------------------ what stays closed
 
