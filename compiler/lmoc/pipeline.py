@@ -135,9 +135,11 @@ def flatten(scene: Scene, clock: Clock) -> FlatDAE:
     with clock.stage("flatten"):
         from lmoc.ir.checked import checked
         from lmoc.semantics.flatten import flatten as flatten_files
+        from lmoc.structure.blocks.pieces import with_pieces
 
         report = Report()
-        flat = checked(flatten_files(scene.files, parts, scene.model, scene.parameters, report, scene.folders))
+        found = flatten_files(scene.files, parts, scene.model, scene.parameters, report, scene.folders)
+        flat = checked(with_pieces(found))
         report.check()
     return flat
 

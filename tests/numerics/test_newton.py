@@ -68,27 +68,6 @@ def test_a_flat_guess_is_left_to_both_sides():
     assert at(8.0) == pytest.approx(2.0)
 
 
-def fed_back(v: float) -> tuple[float, float]:
-    """What an amplifier of 1000 within ±15 takes in beside the half of its output, and the slope of that."""
-    return v - 0.5 * float(np.clip(1000 * v, -15, 15)), -499.0 if abs(v) <= 0.015 else 1.0
-
-
-@pytest.mark.parametrize(("less", "input"), [(8.6, -16.1), (-8.6, 16.1), (5.0, 5 / 499)])
-def test_the_way_over_a_kink(less, input):
-    found, _ = solved(lambda v: fed_back(v)[0] + less, lambda v: fed_back(v)[1], 0.0113)
-    assert found == pytest.approx(input, abs=1e-9)
-
-
-def test_an_amplifier_without_states_switches_where_its_solution_ends():
-    run = lmoc.compile_text("""model M Real u = 10*sin(time); Real y; Real v = 0.5*y - u; equation
-      y = smooth(0, noEvent(if 1000*v > 15 then 15 else if 1000*v < -15 then -15 else 1000*v)); end M;
-      """).simulate(stop=6, points=61)  # fmt: skip
-    high, low = run["u"] < -7.6, run["u"] > 7.6
-    assert run["y"][high] == pytest.approx(15) and run["y"][low] == pytest.approx(-15)
-    v = 0.5 * run["y"] - run["u"]
-    assert run["y"] == pytest.approx(np.clip(1000 * v, -15, 15), abs=1e-6)
-
-
 def test_solutions_beyond_a_fold_are_sought_ever_more_rarely():
     at, _ = counted(lambda u, p: u**2 - 1 + p, lambda u, p: 2 * u)  # flat at its guess
     assert np.isnan(at(0.75))  # ±0.5: both sides lead elsewhere

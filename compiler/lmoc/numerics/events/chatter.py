@@ -13,7 +13,7 @@ import numpy as np
 from lmoc.engine.hops import Hops
 from lmoc.ir.events import Relations
 from lmoc.messages.source import Span as SourceSpan
-from lmoc.numerics.events.discrete_state import DiscreteState
+from lmoc.numerics.events.discrete_state import DiscreteState, located
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.failures.chatter import FRICTION_HINT
 from lmoc.numerics.problem.base import Outcome
@@ -24,7 +24,7 @@ class Crossings:
     """What crosses zero in a run."""
 
     def __init__(self, zeros: int, begin: float, end: float) -> None:
-        self._hops = Hops(zeros, begin, end)
+        self._hops, self._begin = Hops(zeros, begin, end), begin
 
     @property
     def soon(self) -> float:
@@ -49,6 +49,10 @@ class Crossings:
         wrong = discrete.wrong_way(hops, outcome, which)
         if len(wrong):
             raise self._too_low(layout, wrong)
+
+    def returning(self, t: float, crossed: np.ndarray) -> np.ndarray:
+        """Return which functions that cross zero have done so at this instant before; `cross` has been told of them."""
+        return crossed[t - self._hops.times[crossed, -2] <= located(t, self._begin)]
 
     def turned_back(
         self, discrete: DiscreteState, outcome: Outcome, x: np.ndarray, which: np.ndarray, at: np.ndarray

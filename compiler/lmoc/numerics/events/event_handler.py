@@ -15,6 +15,7 @@ from lmoc.numerics.events.chatter import Crossings, where
 from lmoc.numerics.events.discrete_state import DiscreteState, Happened, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import Steps
+from lmoc.numerics.events.trials import leave_fold
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan.plan import Plan
@@ -216,7 +217,13 @@ class EventHandler:
             which[crossed] = np.where(upwards, 2.0, 1.0)
             self._crossings.cross(self.discrete, outcome, which)
             at = self.discrete.zeros(np.array([t]), x[None])[0]
-            behind = self._event(t, x, "when", lambda: self.discrete.turn(which))
+            returning = self._crossings.returning(t, crossed)
+
+            def turn() -> None:
+                if not len(returning) or not leave_fold(self.discrete, t, x, returning):
+                    self.discrete.turn(which)
+
+            behind = self._event(t, x, "when", turn)
             self.discrete.crossed(which)
             return behind if behind is x else self._leave(outcome, behind, which, at)
         if t >= self.next - near_to(t):

@@ -17,6 +17,7 @@ from lmoc.numerics.events.switching_blocks import SwitchingBlocks
 from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.solve.rounding import Rounding
+from lmoc.structure.laws.degree import dependent
 from lmoc.support.records import dataclass
 
 
@@ -183,6 +184,17 @@ class EventLayout:
         """(zeros,) the discrete variable that each zero function decides about."""
         targets = [r.target for r in self.events.relations]
         return np.concatenate(targets)[self.relation_of_zero] if self.zero_count else np.zeros(0, int)
+
+    def solved_with(self, zeros: np.ndarray) -> np.ndarray:
+        """Return the zero functions whose relations are solved together with those of some, these first."""
+        register = self.plan.reduced.register_of
+
+        def felt(some: np.ndarray) -> np.ndarray:
+            found = dependent(self._program, register[self.zero_target[some]], self.count)
+            return np.flatnonzero(found[self.plan.count :] & ~self.rounded)
+
+        others = np.setdiff1d(felt(zeros), zeros)
+        return np.concatenate([zeros, *([k] for k in others.tolist() if np.isin(zeros, felt(np.array([k]))).any())])
 
     def relation_at(self, zero: int) -> Relations:
         """The relation that a zero function belongs to."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import chain, combinations, islice
 from typing import Protocol
 
@@ -11,7 +12,7 @@ from lmoc.numerics.events.layout import EventLayout
 
 NOISES = 4.0  # times the bound for its rounding, within which a function is zero
 _TRIALS = 1024  # combinations of values of relations that are tried: all those of ten
-_TRIALS_REGULAR = 200  # where there are values already, with a singular block
+_TRIALS_SUITED = 200  # where there are values already, with a singular block or at a fold
 _FEW = 3  # relations that are changed at once among all
 _SETTLING = 20  # rounds in which the values behind a combination agree, or do not
 
@@ -69,13 +70,43 @@ def prefer_regular(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarra
     own = layout.switching.shared(discrete.registers(t, x), t)[layout.plan.count + zeros]
     over = _asked(discrete, zeros, own) != (found[layout.zero_target[zeros]] > 0)
     order = np.lexsort((np.where(over, -np.abs(own), np.abs(own)), ~over))
-    if _try(discrete, t, x, found, zeros[order], _FEW, regular=True):
+    if _try(discrete, t, x, found, zeros[order], _FEW, lambda: _is_regular(discrete, t, x)):
         return True
     layout.switching.tried.add(key)
     discrete.v[:], discrete.zero[:] = found, zero
     discrete.push()
     discrete.look(t, x)
     return True
+
+
+def leave_fold(discrete: Discrete, t: float, x: np.ndarray, returning: np.ndarray) -> bool:
+    """Take other values of relations where those of both sides lead back to the same zero, if there are any.
+
+    An amplifier that feeds its output back leaves a limit where both its pieces end: neither goes on from there, the
+    other limit does. No function may be zero there, which would end at once, too.
+
+    Parameters
+    ----------
+    returning : zero functions that cross zero again at the instant of their last crossing
+    """
+    zeros = discrete.layout.solved_with(returning[~discrete.layout.rounded[returning]])
+    begun = discrete.v.copy()
+    if len(zeros) and _try(discrete, t, x, begun, zeros, len(zeros), lambda: _is_clear(discrete, t, x, zeros)):
+        return True
+    discrete.v[:] = begun
+    discrete.push()
+    discrete.look(t, x)
+    return False
+
+
+def _is_regular(discrete: Discrete, t: float, x: np.ndarray) -> bool:
+    return not len(discrete.layout.switching.undetermined_by(discrete.registers(t, x), t))
+
+
+def _is_clear(discrete: Discrete, t: float, x: np.ndarray, zeros: np.ndarray) -> bool:
+    """Return whether functions are off zero by more than rounding."""
+    rounding = np.fmax(discrete.margin, NOISES * discrete.rounding(t, x))
+    return bool((np.abs(discrete.zero) > rounding)[zeros].all())
 
 
 def _read_by(discrete: Discrete, changed: np.ndarray) -> np.ndarray:
@@ -95,20 +126,20 @@ def _try(
     begun: np.ndarray,
     zeros: np.ndarray,
     most: int,
-    regular: bool = False,
+    suits: Callable[[], bool] | None = None,
 ) -> bool:
-    """Try values of relations, with at most so many of them changed; only those with which no block is singular."""
+    """Try values of relations, with at most so many of them changed; `suits` has the last word."""
     targets = discrete.layout.zero_target[zeros]
     discrete.supposing(targets)
     changes = chain.from_iterable(combinations(range(len(zeros)), k) for k in range(most + 1))
     try:
-        for change in islice(changes, _TRIALS_REGULAR if regular else _TRIALS):
+        for change in islice(changes, _TRIALS if suits is None else _TRIALS_SUITED):
             discrete.v[:] = begun
             others = targets[list(change)]
             discrete.v[others] = 1.0 - discrete.v[others]
             if not _settles(discrete, t, x) or not _agrees(discrete, t, x, zeros, targets):
                 continue
-            if not regular or not len(discrete.layout.switching.undetermined_by(discrete.registers(t, x), t)):
+            if suits is None or suits():
                 return True
     finally:
         discrete.supposing(None)

@@ -22,7 +22,6 @@ _BESIDE = (1e-3, 0.1, 1.0, 10.0)  # how far beside a flat first guess a search b
 _FLAT = 100.0  # times the size of the unknowns: a guess is flat from which the first step leads that far, or nowhere
 _PAUSE = 25  # evaluations after a costly search in vain in which there is no other; four times as many each time
 _NEAR_SAME = 1e-6  # of the size of the unknowns: solutions found from both sides are the same
-_PIECES = 20  # full steps from one piece of a piecewise linear equation to the next
 _ROUNDING = 1e-15  # of the terms of an equation: what their sum may miss zero by
 NEAR = 0.25  # of the way to the solution: as much as the first step may miss it (Deuflhard, section 5.1)
 
@@ -169,12 +168,7 @@ class Newton:
             r = residual(guess)
             step = np.abs(correction(matrix(guess), r, guess)).max(axis=1)
             flat &= np.isfinite(r).all(axis=1) & ~(step <= _FLAT * (1.0 + np.abs(guess).max(axis=1)))
-        u, good = _from_both_sides(residual, matrix, guess, u, good) if flat.any() else (u, good)
-        if not good.all():
-            u, good = _by_pieces(residual, matrix, self.start, u, good)
-            if good.all():
-                self.target = u  # the solution has jumped there, and goes on from there
-        return u, good
+        return _from_both_sides(residual, matrix, guess, u, good) if flat.any() else (u, good)
 
 
 def _from_both_sides(residual, matrix, guess, u, good) -> tuple[np.ndarray, np.ndarray]:
@@ -193,26 +187,6 @@ def _from_both_sides(residual, matrix, guess, u, good) -> tuple[np.ndarray, np.n
         u, good = np.where(new[:, None], one, u), good | new
         if good.all():
             break
-    return u, good
-
-
-def _by_pieces(residual, matrix, start, u, good) -> tuple[np.ndarray, np.ndarray]:
-    """Solutions of piecewise linear equations by full steps, which lead over a kink where shorter ones do not.
-
-    An amplifier that feeds its output back jumps from one limit to the other where its solution ends. Only what lies
-    on the same piece as the step to it is taken, where that step is exact: curved equations have none here.
-    """
-    at, before = start.copy(), np.full((*start.shape, start.shape[1]), np.nan)
-    for _ in range(_PIECES):
-        r = residual(at)
-        a = matrix(at)
-        step = correction(a, r, at)
-        small = np.abs(step).max(axis=1) <= LOOSE * (1.0 + np.abs(at).max(axis=1))
-        new = ~good & small & (a == before).all(axis=(1, 2))
-        u, good = np.where(new[:, None], at + step, u), good | new
-        if good.all() or not np.isfinite(step).all(axis=1)[~good].any():
-            break
-        at, before = at + step, a
     return u, good
 
 
