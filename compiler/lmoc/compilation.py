@@ -28,7 +28,7 @@ def compile(
 
     Parameters
     ----------
-    file : the `.lmo` file, or several; or the dotted name of a class that is found in a folder
+    file : the `.lmo` file, the folder of a package, or several; or the dotted name of a class that is found in a folder
     model : which model, where the file holds several that could be meant
     parameters : {dotted name: value}, overriding what the file says
     states : variables to prefer as states, or the name of one

@@ -64,9 +64,9 @@ def test_a_class_is_run_by_its_name(garage, monkeypatch) -> None:
     assert compile_text("model M Garage.Wheel w(r = 2); end M;").parameters["w.rim.r"] == 2
 
 
-@pytest.mark.parametrize("named", ["Garage/Examples/Car.lmo", "Garage/package.lmo", "Garage/Examples/package.mo"])
+@pytest.mark.parametrize("named", ["Examples/Car.lmo", "package.lmo", "Examples/package.mo", "", "Examples"])
 def test_a_file_of_a_package_finds_the_others(garage, named) -> None:
-    dae = compile_scene(garage / named, "Garage.Examples.Car")
+    dae = compile_scene(garage / "Garage" / named, "Garage.Examples.Car")
     assert dae.parameters["wheel[2].rim.r"] == 0.4
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
-from lmoc.sources.files import PACKAGE, SUFFIXES, read_source, refusal
+from lmoc.sources.files import PACKAGE, SUFFIXES, package_file, read_source, refusal
 from lmoc.sources.packages import Folder
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
@@ -42,8 +42,8 @@ def open_files(named: Named, path: Named | None = None) -> Opened:
 
     Parameters
     ----------
-    named : a file or several; one can be the name of a class instead, which is then looked for in the folders and in
-        the current one
+    named : a file, or the folder of a package, or several; one can be the name of a class instead, which is then looked
+        for in the folders and in the current one
     path : folders that are searched after those of the files, before those of ``LMOPATH``
 
     Raises
@@ -58,7 +58,7 @@ def open_files(named: Named, path: Named | None = None) -> Opened:
     classes = [str(name) for name in names if _is_class_name(name)]
     if len(classes) > 1:
         raise refusal("E0610", f"neither '{classes[0]}' nor '{classes[1]}' is a file", hint="name one class at most")
-    sources = [read_source(name) for name in names if not _is_class_name(name)]
+    sources = [read_source(package_file(Path(name)) or name) for name in names if not _is_class_name(name)]
     report = Report()
     files = tuple(parse_classwise(source, report) for source in sources)
     report.check()
