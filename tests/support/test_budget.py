@@ -53,6 +53,26 @@ def test_in_another_thread_too():
     assert found == ["a sum"]
 
 
+@pytest.mark.skipif(not hasattr(time, "pthread_getcpuclockid"), reason="no clocks of threads")
+def test_what_other_threads_spend_does_not_count():
+    """Runs of an ensemble share a process: each has its whole budget."""
+    work = budget.Work("a sum", None)
+    begin = work.processor(), time.process_time()
+    other = threading.Thread(target=busy, args=(0.2,))
+    other.start()
+    other.join()
+    own, whole = work.processor() - begin[0], time.process_time() - begin[1]
+    assert whole >= 0.2 and own < 0.5 * whole
+
+
+def test_a_look_at_work_whose_thread_has_ended_is_no_error():
+    made = []
+    thread = threading.Thread(target=lambda: made.append(budget.Work("a sum", None)))
+    thread.start()
+    thread.join()
+    assert made[0].moved() and not made[0].spent() > 1e3
+
+
 def test_what_moves_on_goes_on():
     def work() -> str:
         for k in range(8):

@@ -5,8 +5,8 @@ all work that is open a few times a second; where none of it has been heard of f
 interrupts the thread that does the work, in the same way as Ctrl-C: what the work has reached by then is kept by the
 same code. No result of work that was interrupted is ever taken for one: `within` raises `Spent`, whatever comes back.
 
-What counts is the processor time of this process, at most the time on the clock, and at least a tenth of that: a
-machine that is busy with other things does not make work slow, and waiting has an end as well.
+What counts is the processor time of the thread that does the work, at most the time on the clock, and at least a tenth
+of that: a machine or a process that is busy with other things does not make work slow, and waiting has an end as well.
 """
 
 from __future__ import annotations
@@ -67,18 +67,29 @@ class Work:
         self.instead: Callable[[], object] | None = None  # called instead of an interruption from outside
         self.mark: tuple[int, float] | None = None  # `heard` and `share` when it was last seen to have moved on
         self.since = 0.0, 0.0  # clock and processor then
+        clock = getattr(time, "pthread_getcpuclockid", None)
+        self.own = None if clock is None else clock(threading.get_ident())  # of this thread, where it has one
 
     def moved(self) -> bool:
         """Return whether it has moved on since the mark; if so, mark the place where it is."""
         if self.mark is not None and self.heard == self.mark[0] and 0 <= self.share - self.mark[1] < _PART:
             return False
         self.mark = self.heard, self.share
-        self.since = time.monotonic(), time.process_time()
+        self.since = time.monotonic(), self.processor()
         return True
+
+    def processor(self) -> float:
+        """Return the processor time of the thread that does the work, s; of the process where that is not told."""
+        if self.own is None:
+            return time.process_time()
+        try:
+            return time.clock_gettime(self.own)
+        except OSError:  # the thread has ended, and its work before it
+            return self.since[1]
 
     def spent(self) -> float:
         """Return what has been spent since the mark, s."""
-        clock, processor = time.monotonic() - self.since[0], time.process_time() - self.since[1]
+        clock, processor = time.monotonic() - self.since[0], self.processor() - self.since[1]
         return max(min(clock, processor), _WAITING * clock)
 
 
