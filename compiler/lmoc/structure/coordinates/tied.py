@@ -37,7 +37,8 @@ class Tied:
     def share(self) -> np.ndarray:
         """(nnz,) size of each entry at the start beside the largest in its row; 1 for what never changes."""
         size = np.abs(self.at_start)
-        return np.where(self.constant, 1.0, size / largest_in_row(self.row, size)[self.row])
+        with np.errstate(invalid="ignore"):  # of entries without a value there is no share
+            return np.where(self.constant, 1.0, size / largest_in_row(self.row, size)[self.row])
 
 
 def tied_entries(system: EquationSystem, c: np.ndarray, d: np.ndarray, sample: Sample, least: int = 1) -> Tied:
