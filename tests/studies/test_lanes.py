@@ -54,6 +54,18 @@ end Coupled;
 """
 
 
+NOMINAL = """
+model Nominal "sizes that parameters give"
+  parameter Real k = 4, s = 1e-4;
+  output Real x(start = s, fixed = true, nominal = s);
+  Real v(start = 0, fixed = true, nominal = 2*s);
+equation
+  der(x) = v;
+  der(v) = -k*x - x^3;
+end Nominal;
+"""
+
+
 @dataclass(frozen=True)
 class Scene:
     """A model, and names in it with the ranges of their values."""
@@ -73,6 +85,7 @@ def _scenes():
     yield Scene(ROOT / "models/planar/double_pendulum.lmo", {"upper.l": (0.5, 1)}, {"elbow.phi": (-2, 2)}, {})
     yield Scene(ROOT / "models/planar/chain.lmo", {"m": (0.5, 2)}, {}, {})
     yield Scene(LONG, {"l": (0.5, 1)}, {}, {})
+    yield Scene(NOMINAL, {"k": (1, 9), "s": (1e-6, 1e-2)}, {}, {})
 
 
 SCENES = list(_scenes())
@@ -137,7 +150,7 @@ def _in_lanes(monkeypatch, dae, *given, **options):
     return found, dae.ensemble(*given, workers=1, **options)
 
 
-@pytest.mark.parametrize("k", [0, 1, 3, 4, 5, 6, 7])
+@pytest.mark.parametrize("k", [0, 1, 3, 4, 5, 6, 7, 8])
 def test_smooth_scenes_go_through_c(monkeypatch, k):
     name, own = next(iter(SCENES[k].parameters.items()))
     solver = "dop853" if k == 1 else "auto"

@@ -9,7 +9,7 @@ import numpy as np
 
 from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.lanes.legs import FOUND, Legs
-from lmoc.numerics.lanes.scene import Runs, sizes, starts, tolerances
+from lmoc.numerics.lanes.scene import Runs, starts, tolerances
 from lmoc.numerics.limits import FINEST
 from lmoc.numerics.observe.recorder import Recorder, sampled_places
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
@@ -19,7 +19,7 @@ from lmoc.numerics.problem.status import Status
 from lmoc.numerics.steps import taylor
 from lmoc.numerics.steps.automatic import Leg, Used, Way, legs, patience
 from lmoc.numerics.steps.modes import EIGENVALUES, Modes, shifts
-from lmoc.numerics.task.sizes import is_small, too_loose
+from lmoc.numerics.task.sizes import assumed_sizes, is_small, too_loose
 from lmoc.support import budget
 
 _TOGETHER = 64  # runs that go through C without a word from Python
@@ -208,7 +208,8 @@ def _right_size(runs: Runs, states: np.ndarray, span: TimeSpan, rtol: float, goo
     plan = runs.plan
     places = sampled_places(len(span.times), states.shape[2])
     samples = states[:, places]
-    small = is_small(np.fmax.reduce(np.abs(samples), axis=1), sizes(runs, samples[:, 0]), plan.ledger) & good
+    sizes = assumed_sizes(plan, runs.values, samples[:, 0], {})
+    small = is_small(np.fmax.reduce(np.abs(samples), axis=1), sizes, plan.ledger) & good
     right = ~small
     for k in np.flatnonzero(small).tolist():
         observer = runs.observer(k)

@@ -24,7 +24,7 @@ from lmoc.numerics.signals.signals import Constant, Signal
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.start.first_states import first_states
 from lmoc.numerics.start.initialization import is_given
-from lmoc.numerics.task.sizes import ABSOLUTE
+from lmoc.numerics.task.tolerances import absolute_tolerances
 from lmoc.support.records import dataclass
 
 SOLVERS = ("auto", "dop853", "taylor")
@@ -191,30 +191,17 @@ def _direct(runs: Runs, initial: Mapping[str, np.ndarray]) -> np.ndarray | None:
 
 
 def tolerances(runs: Runs, begin: float, x: np.ndarray, rtol: float, atol: float | None) -> np.ndarray:
-    """Return the absolute tolerances (runs, n) of runs from states x (runs, n), as of `tolerances.Tolerances`."""
+    """Return the absolute tolerances (runs, n) of runs from states x (runs, n)."""
     plan = runs.plan
-    if atol is not None:
-        found = np.full(x.shape, atol, float)
-    else:
-        found = rtol * ABSOLUTE * sizes(runs, x)
-    if plan.ledger.any():
+
+    def stored() -> np.ndarray:
         variable, begins = find(plan.reduced.flat, "ledger.stored"), np.array([begin])
         part = slice_of(plan, plan.reduced.register_of[variable])
         if part.suits_runs:
-            stored = part.across(runs.base, begins, x[:, None])[:, 0, 0]
-        else:
-            stored = np.array([runs.observer(k)(variable, begins, x[k, None])[0, 0] for k in range(runs.count)])
-        found[:, plan.ledger] = np.fmax(found[:, plan.ledger], rtol * np.abs(stored)[:, None])
-    return found
+            return part.across(runs.base, begins, x[:, None])[:, 0, 0]
+        return np.array([runs.observer(k)(variable, begins, x[k, None])[0, 0] for k in range(runs.count)])
 
-
-def sizes(runs: Runs, x: np.ndarray) -> np.ndarray:
-    """Return the sizes (runs, n) that are assumed where runs start, as `sizes.assumed_sizes` of each."""
-    found, plan = np.fmax(1.0, np.abs(x)), runs.plan
-    if not plan.reduced.flat.nominals:
-        return found
-    declared = np.array([plan.nominal(np.ascontiguousarray(own)) for own in runs.values.T])
-    return np.where(np.isfinite(declared), declared, found)
+    return absolute_tolerances(plan, runs.values, x, rtol, atol, stored, {})
 
 
 def sound(runs: Runs) -> np.ndarray:

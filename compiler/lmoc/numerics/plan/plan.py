@@ -151,13 +151,19 @@ class Plan:
         return w
 
     def nominal(self, values: np.ndarray) -> np.ndarray:
-        """Return the nominal values (n,) of the integrated components; NaN where the model gives none."""
+        """Return the nominal values of the integrated components; NaN where the model gives none.
+
+        Parameters
+        ----------
+        values : (flat.count,) parameters, for (n,); or (flat.count, runs), for (n, runs)
+        """
         flat, table = self.reduced.flat, self.reduced.registers
-        given = np.full(flat.count, np.nan)
+        given = np.full((flat.count, *values.shape[1:]), np.nan)
         for a in flat.nominals:
             given[a.target] = np.abs(a.values(values))
         variable = table.variable[self.states]
-        found = np.where((variable >= 0) & (table.order[self.states] == 0), given[variable], np.nan)
+        found = given[variable]
+        found[(variable < 0) | (table.order[self.states] > 0)] = np.nan
         return np.where(np.isfinite(found) & (found > 0), found, np.nan)
 
 

@@ -30,11 +30,11 @@ _TIED = 1.0  # the same where closures tie the coordinates: one that stays at re
 
 
 def assumed_sizes(plan: Plan, values: np.ndarray, x: np.ndarray, known: Sizes) -> np.ndarray:
-    """Return the sizes (n,) of the integrated components: declared, known from a run before, or 1 or the start's.
+    """Return the sizes of the integrated components: declared, known from a run before, or 1 or the start's.
 
     Parameters
     ----------
-    x : (n,) at the start
+    values, x : (flat.count,) parameters and (n,) states at the start, for (n,); or (flat.count, runs) and (runs, n)
     """
     found = np.fmax(1.0, np.abs(x))
     if known:
@@ -43,7 +43,7 @@ def assumed_sizes(plan: Plan, values: np.ndarray, x: np.ndarray, known: Sizes) -
         found = np.where(np.isfinite(before), before, found)
     if not plan.reduced.flat.nominals:
         return found
-    declared = plan.nominal(values)
+    declared = plan.nominal(values).T
     return np.where(np.isfinite(declared), declared, found)
 
 

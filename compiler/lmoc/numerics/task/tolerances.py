@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lmoc.numerics.limits import SMALL_PLAN
 from lmoc.numerics.observe.observer import find
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.task.sizes import ABSOLUTE, assumed_sizes
+from lmoc.numerics.task.sizes import ABSOLUTE, Sizes, assumed_sizes
 from lmoc.numerics.task.task import Segment, Task
 
 
@@ -41,16 +43,30 @@ class Tolerances:
         return self._kept[1] / self.rtol if known else None
 
     def _computed(self, segment: Segment, x: np.ndarray) -> np.ndarray:
-        """(n,); those of the ledger are no finer than what the scene holds at the start has to be known."""
-        task, plan, atol = self._task, segment.plan, self._task.options.atol
-        if atol is not None:
-            result = np.full(len(x), atol, float)
-        else:
-            result = self.rtol * ABSOLUTE * assumed_sizes(plan, task.values, x, task.sizes)
-        if plan.ledger.any():
-            stored = plan.once(_StoredAtStart).at(segment, x)
-            result[plan.ledger] = np.fmax(result[plan.ledger], self.rtol * abs(stored))
-        return result
+        task, plan = self._task, segment.plan
+
+        def stored() -> np.ndarray:
+            return np.asarray(plan.once(_StoredAtStart).at(segment, x))
+
+        return absolute_tolerances(plan, task.values, x, self.rtol, task.options.atol, stored, task.sizes)
+
+
+def absolute_tolerances(
+    plan: Plan, values: np.ndarray, x: np.ndarray, rtol: float, atol: float | None, stored: Callable[[], np.ndarray],
+    known: Sizes,
+) -> np.ndarray:  # fmt: skip
+    """Return absolute tolerances; those of the ledger are no finer than what the scene holds at the start is known.
+
+    Parameters
+    ----------
+    values, x, known : as of `assumed_sizes`: of one run, or of several
+    atol : that is asked for; None for parts of the sizes
+    stored : returns the energy at the start, J, a number for each run
+    """
+    found = rtol * ABSOLUTE * assumed_sizes(plan, values, x, known) if atol is None else np.full(x.shape, atol, float)
+    if plan.ledger.any():
+        found[..., plan.ledger] = np.fmax(found[..., plan.ledger], rtol * np.abs(stored())[..., None])
+    return found
 
 
 class _StoredAtStart:
