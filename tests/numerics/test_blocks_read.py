@@ -69,19 +69,3 @@ def test_equations_that_are_linear_in_each_branch_are_solved_as_linear_ones():
     away = np.abs(run["x"] - 0.5) > 1e-6
     for k, name in enumerate("afg"):
         assert run[name][away] == pytest.approx(solved[away, k], abs=1e-9)
-
-
-def test_start_rows_with_steep_slopes_are_met_as_well_as_rounding_allows():
-    """Lags of 1e-12 s in steady state: 1e-16 of a state is 1e-4 of its rate."""
-    text = """model Steep
-      parameter Real c[6] = {0.3, 0.7, 1.1, 1.3, 1.9, 2.3};
-      Real w[6](each start = 0.5);
-    equation
-      for i in 1:6 loop
-        der(w[i]) = 1e12*(cos(c[i]*w[i]) - w[i]);
-      end for;
-    initial equation
-      der(w) = zeros(6);
-    end Steep;"""
-    w = lmoc.compile_text(text).simulate(times=[0.0])["w"][0]
-    assert w == pytest.approx(np.cos([0.3, 0.7, 1.1, 1.3, 1.9, 2.3] * w), abs=1e-15)

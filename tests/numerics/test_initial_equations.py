@@ -283,3 +283,50 @@ def test_a_parameter_that_the_start_gives_as_a_formula_follows_others():
     for dp in (1000.0, 2000.0):
         run = dae.simulate(stop=1, points=3, parameters={"dp": dp})
         assert run["p"][-1] == pytest.approx(dp, rel=1e-9) and run["k"][-1] == dp / 1e-4**2
+
+
+def test_start_rows_with_steep_slopes_are_met_as_well_as_rounding_allows():
+    """Lags of 1e-12 s in steady state: 1e-16 of a state is 1e-4 of its rate."""
+    text = """model Steep
+      parameter Real c[6] = {0.3, 0.7, 1.1, 1.3, 1.9, 2.3};
+      Real w[6](each start = 0.5);
+    equation
+      for i in 1:6 loop
+        der(w[i]) = 1e12*(cos(c[i]*w[i]) - w[i]);
+      end for;
+    initial equation
+      der(w) = zeros(6);
+    end Steep;"""
+    w = lmoc.compile_text(text).simulate(times=[0.0])["w"][0]
+    assert w == pytest.approx(np.cos([0.3, 0.7, 1.1, 1.3, 1.9, 2.3] * w), abs=1e-15)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-20])
+def test_what_rounding_leaves_of_a_zero_is_zero(scale):
+    """A relation would take it for a motion: 0.1 + 0.2 - 0.3 is 6e-17."""
+    text = f"""model Left
+      parameter Real a = 0.1, b = 0.2, c = 0.3;
+      Real w, q;
+      Boolean onwards = w > 0;
+    equation
+      der(q) = w;
+      der(w) = if onwards then 1 else 0;
+    initial equation
+      w = {scale}*(a + b - c);
+      q = {1 if scale == 1.0 else 0};
+    end Left;"""
+    run = lmoc.compile_text(text).simulate(stop=1.0)
+    assert run["w"][0] == 0.0 and run["w"][-1] == 0.0
+
+
+def test_a_start_value_next_to_zero_is_kept():
+    text = """model Kept
+      Real w(start = 1e-14), q(start = 1);
+    equation
+      der(q) = w;
+      der(w) = 0;
+    initial equation
+      q^3 = 2;
+    end Kept;"""
+    run = lmoc.compile_text(text).simulate(times=[0.0])
+    assert run["w"][0] == pytest.approx(1e-14, rel=1e-12) and run["q"][0] == pytest.approx(2 ** (1 / 3), rel=1e-12)

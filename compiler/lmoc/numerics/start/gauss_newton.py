@@ -125,17 +125,17 @@ def _row_weights(jacobian, hard: np.ndarray) -> np.ndarray:
 
 def _ended(system: StartSystem, x: np.ndarray) -> GaussNewtonResult:
     residual, jacobian = system.evaluate(x)
-    scale, rounding = 1.0 + np.abs(system.value), _ROUNDING * _terms(jacobian, x, len(residual))
-    rounding = np.where(rounding <= scale, np.minimum(rounding, _ROUGHLY * scale), 0.0)  # a root's slope is infinite
-    hard = system.hard & ~(np.abs(residual) <= np.maximum(_MISSED_HARD * scale, rounding))
-    soft = ~system.hard & ~(np.abs(residual) <= np.maximum(_MISSED_SOFT * scale, rounding))
+    scale, left = 1.0 + np.abs(system.value), rounding(jacobian, x, len(residual))
+    left = np.where(left <= scale, np.minimum(left, _ROUGHLY * scale), 0.0)  # a root's slope is infinite
+    hard = system.hard & ~(np.abs(residual) <= np.maximum(_MISSED_HARD * scale, left))
+    soft = ~system.hard & ~(np.abs(residual) <= np.maximum(_MISSED_SOFT * scale, left))
     return GaussNewtonResult(x, residual, jacobian, hard, soft)
 
 
-def _terms(jacobian: tuple[np.ndarray, np.ndarray, np.ndarray], x: np.ndarray, count: int) -> np.ndarray:
-    """Return (count,) how much each residual changes where the states change by their sizes."""
+def rounding(jacobian: tuple[np.ndarray, np.ndarray, np.ndarray], x: np.ndarray, count: int) -> np.ndarray:
+    """Return (count,) how much each residual changes where rounding changes the states."""
     rows, columns, values = jacobian
-    return np.bincount(rows, np.abs(values) * (1.0 + np.abs(x[columns])), minlength=count)
+    return np.bincount(rows, _ROUNDING * np.abs(values) * (1.0 + np.abs(x[columns])), minlength=count)
 
 
 # --------------------------------------------------------------------- beginning again

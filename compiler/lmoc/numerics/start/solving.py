@@ -8,7 +8,7 @@ from lmoc.ir.reduced import StartGuess
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.numerics.start.assembly_notes import note_unmet_guesses
-from lmoc.numerics.start.gauss_newton import GaussNewtonResult, descend, elsewhere, straight_rows
+from lmoc.numerics.start.gauss_newton import GaussNewtonResult, descend, elsewhere, rounding, straight_rows
 from lmoc.numerics.start.lexicographic import split
 from lmoc.numerics.start.plastic import PlasticImpact, plastic_impact
 from lmoc.numerics.start.singular import StartSingular
@@ -16,6 +16,7 @@ from lmoc.numerics.start.start_system import StartSystem
 from lmoc.structure.messages.equations import SHOWN, listed
 
 _LEFT_OVER = 1e-10  # of the largest state: what is smaller may be the rounding of a zero
+_NOTHING = 1e-30  # what is smaller is what rounding has left of rounding
 _ULPS = 16  # of what is wanted, by which it may be missed
 
 
@@ -96,11 +97,14 @@ def _with_zeros(system: StartSystem, x: np.ndarray) -> np.ndarray:
 
     A clutch at rest slips with 7e-15 rad/s otherwise, and a relation takes that for a motion.
     """
-    small = np.flatnonzero((x != 0) & (np.abs(x) <= _LEFT_OVER * np.abs(x).max(initial=0.0)))
+    small = np.flatnonzero((x != 0) & (np.abs(x) <= max(_LEFT_OVER * np.abs(x).max(initial=0.0), _NOTHING)))
     if not len(small) or len(small) > LOOKED_AT:
         return x
-    before = np.abs(system.evaluate(x)[0])
-    allowed = before + _ULPS * np.finfo(float).eps * np.abs(system.value)
+    before, jacobian = system.evaluate(x)
+    left = rounding(jacobian, x, len(before))
+    read = np.bincount(jacobian[0][jacobian[2] != 0.0], minlength=len(before))
+    left[: len(system.targets)][(read == 1)[: len(system.targets)]] = 0.0  # values of states, to the last digits
+    allowed = np.abs(before) + _ULPS * np.finfo(float).eps * np.abs(system.value) + left
     for own in (small, *small[:, None]):
         other = x.copy()
         other[own] = 0.0
