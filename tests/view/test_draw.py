@@ -6,6 +6,7 @@ from math import hypot
 from pathlib import Path
 from xml.dom import minidom
 
+import numpy as np
 import pytest
 
 import lmoc
@@ -422,3 +423,53 @@ def test_wheels_stand_on_one_road_below_their_bodies():
     assert wheels["f"].shapes[0].radius / wheels["r"].shapes[0].radius == pytest.approx(0.75)
     assert wheels["f"].ends[0].moves == of(found, "car").ends[0].moves != () and wheels["f"].turn.factor == -1
     assert wheels["third"].ends[0].x < wheels["front"].ends[0].x < wheels["rear"].ends[0].x
+
+
+ON_CURVES = """model Bowl "A disk rolls in a bowl, a disk slides down a wedge, and one is in a ring"
+  import Planar.*;
+  inner World world;
+  Body d(m = 2, J = 0.04);
+  DiskTrack bowl(points = {{1.5*sin(a), -1.5*cos(a)} for a in linspace(-1.2, 1.2, 13)}, r = 0.2,
+    s(start = 0.6, fixed = true), v(start = 0, fixed = true));
+  Body ball(m = 1, J = 0.02, x(start = 3, fixed = true), y(start = 1, fixed = true), theta(start = 0, fixed = true));
+  Body wedge(m = 3, J = 1, x(start = 3, fixed = true), y(start = 0, fixed = true), theta(start = 0.4, fixed = true));
+  EdgeContact edge(r = 0.3, nx = -0.1, ny = 1, d = 0.2, mu = 0.3);
+  Body a(m = 1, J = 0.01, x(start = 6.5, fixed = true), y(start = 0, fixed = true), theta(start = 0, fixed = true));
+  Body b(m = 1, J = 0.01, x(start = 6, fixed = true), y(start = 0, fixed = true), theta(start = 0, fixed = true));
+  DiskContact c(r1 = 0.25, r2 = 1, inside = true);
+equation
+  connect(bowl.disk, d.frame);
+  connect(edge.frame, wedge.frame);
+  connect(edge.disk, ball.frame);
+  connect(c.a, a.frame);
+  connect(c.b, b.frame);
+end Bowl;"""
+
+
+def test_disks_are_on_their_curves_edges_and_in_their_rings():
+    dae = lmoc.compile_text(ON_CURVES)
+    picture, run = dae.draw().picture, dae.simulate(stop=0.01)
+    placed = {(item.part, item.symbol): (item, frame) for item, _, frame in picture.placed() if item.part}
+
+    def round_(part, symbol):
+        item, frame = placed[part, symbol]
+        return np.array(frame.place((0, 0, 0))), next(s.radius for s in item.shapes if isinstance(s, Circle))
+
+    def line(part, symbol):
+        item, frame = placed[part, symbol]
+        return np.array([frame.place(v) for v in item.shapes[0].vertices])
+
+    centre, radius = round_("bowl", "disk-track")
+    scale = radius / 0.2
+    curve = line("bowl", "track")
+    assert np.hypot(*(curve - centre).T).min() == pytest.approx(radius, rel=0.03)
+    assert np.ptp(curve, axis=0) / scale == pytest.approx([2 * 1.5 * np.sin(1.2), 1.5 * (1 - np.cos(1.2))], rel=1e-3)
+    ball, radius = round_("edge", "edge-contact")
+    p, q = line("edge", "contact")
+    assert radius == pytest.approx(0.3 * scale)
+    along, away = q - p, ball - p
+    across = abs(along[0] * away[1] - along[1] * away[0]) / np.hypot(*along)
+    assert across / scale == pytest.approx(0.3 + run["edge.gap"][0], abs=1e-9)
+    (rim, ring), (inner, small) = round_("c", "ring"), round_("c", "disk-contact")
+    assert [ring, small] == pytest.approx([scale, 0.25 * scale])
+    assert np.hypot(*(rim - inner)) == pytest.approx(0.5 * scale)

@@ -7,7 +7,7 @@ from dataclasses import field, replace
 from math import atan2, cos, hypot, isfinite, pi, sin
 
 from lmoc.support.records import dataclass
-from lmoc.view.scene import symbols
+from lmoc.view.scene import edges, symbols
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.names import Names, symbol
@@ -18,6 +18,7 @@ from lmoc.view.scene.text import width
 
 MOST_LABELS = 60
 EXTENT = 380.0  # px of the longer side
+ROUNDED = 9.0  # px around the points of a body
 DOMAINS = ("point", "frame")
 STRINGS = ("string", "elastic-string")
 
@@ -178,13 +179,13 @@ class Plane:
         turn = self.turn(port)
         shapes: list[Shape] = []
         slides = any(e.symbol == "slider" and e.port("b").node == port.node for e in self.elements)
-        rolls = any(e.symbol == "rolling-wheel" and e.ports[0].node == port.node for e in self.elements)
+        rolls = any(p.node == port.node for e in self.elements for p, _ in edges.disks(self, e))
         if slides and len(hull) < 3:
             shapes.append(symbols.path((-22, -13), (22, -13), (22, 13), (-22, 13), closed=True, fill="body"))
         elif rolls:
             shapes.append(Circle((0.0, 0.0, 0.0), 4.0, "ink"))
         else:
-            shapes.append(Path(tuple((0.0, x, y) for x, y in symbols.rounded(hull, 9.0)), True, "body"))
+            shapes.append(Path(tuple((0.0, x, y) for x, y in symbols.rounded(hull, ROUNDED)), True, "body"))
         shapes.append(Circle((0.0, *centre), 3.5, "paper"))
         shapes.append(Circle((0.0, *centre), 1.2, "ink"))
         self.items.insert(0, Item("body", element.name, (self.end(port),), tuple(shapes), turn))
@@ -201,7 +202,7 @@ class Plane:
             own = [p for p in other.ports if p.domain in DOMAINS]
             if other.symbol in ("link", "point") and own and own[0].node == port.node:
                 found.append((self.own(other, "rx") * self.scale, -self.own(other, "ry") * self.scale))
-        return found
+        return [*found, *edges.edges_of(self, port, ROUNDED)]
 
     def particle(self, element: Element, ports: Sequence[Port]) -> None:
         """A particle."""
@@ -275,22 +276,9 @@ class Plane:
         """A wheel on the ground."""
         r = self.own(element, "r", 0.1) * self.scale
         at = self.end(ports[0])
-        spoke = symbols.path((0, 0), (r, 0), colour="muted", width=1.0)
-        shapes = (Circle((0.0, 0.0, 0.0), r, "body"), spoke)
-        self.items.insert(0, Item("rolling-wheel", element.name, (at,), shapes, self.turn(ports[0])))
+        edges.disk(self, element, ports[0], self.own(element, "r", 0.1))
         ground = symbols.hatching((-r - 60, 0), (r + 60, 0), 1)
         self.back.append(Item("ground", element.name, (Anchor(at.x, 0.0),), tuple(ground)))
-
-    def contact(self, element: Element, ports: Sequence[Port]) -> None:
-        """A wall or a floor that a point may touch."""
-        x, y = self.xy(ports[0])
-        nx, ny = self.own(element, "nx"), self.own(element, "ny", 1.0)
-        size = hypot(nx, ny) or 1.0
-        nx, ny = nx / size, ny / size
-        away = nx * x + ny * y - self.own(element, "d")
-        foot = Anchor(self.scale * (x - away * nx), -self.scale * (y - away * ny))
-        p, q = (-60 * ny, -60 * nx), (60 * ny, 60 * nx)
-        self.back.append(Item("contact", element.name, (foot,), tuple(symbols.hatching(p, q, 1))))
 
     def force(self, element: Element, ports: Sequence[Port]) -> None:
         """A given force: in its direction at the start, where it has one."""
@@ -346,8 +334,10 @@ DRAWERS: dict[str, Callable[[Plane, Element, Sequence[Port]], None]] = {
     **dict.fromkeys(("torsion-spring", "torsion-damper"), Plane.torsion),
     **dict.fromkeys(("link", "point"), Plane.link),
     "bar": Plane.bar, "body": Plane.body, "particle": Plane.particle, "pin": Plane.pin, "slider": Plane.slider,
-    "guide": Plane.guide, "rolling-wheel": Plane.rolling_wheel, "contact": Plane.contact, "force": Plane.force,
+    "guide": Plane.guide, "rolling-wheel": Plane.rolling_wheel, "force": Plane.force,
     "torque": Plane.torque, "motion": Plane.motion, "weld": Plane.nothing,
+    **dict.fromkeys(edges.CURVES, edges.track), **dict.fromkeys(("contact", "edge-contact"), edges.contact),
+    "disk-contact": edges.disk_contact,
 }  # fmt: skip
 
 
@@ -361,8 +351,9 @@ def draw_plane(graph: Graph, names: Names, value: Callable[[str], float]) -> Pla
     plane = Plane(graph, names, value)
     plane.elements = [e for e in graph.elements if is_planar(e)]
     places = [plane.xy(p) for e in plane.elements for p in e.ports if p.domain in DOMAINS]
+    places += [place for e in plane.elements for place in edges.curve(plane, e)]
     places = [(x, y) for x, y in places if isfinite(x) and isfinite(y)] or [(0.0, 0.0)]
-    radii = [plane.own(e, "r") for e in plane.elements if e.symbol == "rolling-wheel"]
+    radii = [radius for e in plane.elements for _, radius in edges.disks(plane, e)]
     xs, ys = [x for x, _ in places], [y for _, y in places]
     longest = max(max(xs) - min(xs), max(ys) - min(ys), 2 * max(radii, default=0.0))
     plane.scale = EXTENT / longest if longest > 0 else 200.0

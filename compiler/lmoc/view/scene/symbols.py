@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from math import ceil, cos, hypot, pi, sin
 
 from lmoc.ir.look import Drawn
@@ -257,17 +258,23 @@ def _length(a: Anchor, b: Anchor) -> float:
 
 
 def hatching(a: tuple[float, float], b: tuple[float, float], side: int, step: float = 7.0) -> list[Path]:
-    """A firm line with hatching on one side: right of it from a to b where `side` is 1 (below, going to the right)."""
-    (x0, y0), (x1, y1) = a, b
-    length = hypot(x1 - x0, y1 - y0)
-    ux, uy = (x1 - x0) / length, (y1 - y0) / length
-    nx, ny = -uy * side, ux * side
-    shapes = [path(a, b, width=2.2)]
-    n = max(2, int(length // step))
-    for k in range(n):
-        s = (k + 0.5) * length / n
-        foot = (x0 + ux * s, y0 + uy * s)
-        shapes.append(path(foot, (foot[0] + nx * 7 - ux * 6, foot[1] + ny * 7 - uy * 6), width=0.9))
+    """Return a firm line, `hatched` on one side."""
+    return hatched((a, b), side, step)
+
+
+def hatched(points: Sequence[tuple[float, float]], side: int, step: float) -> list[Path]:
+    """Return a firm line through points, with hatching on its right as one goes along it where `side` is 1."""
+    shapes, lengths = [path(*points, width=2.2)], [hypot(q[0] - p[0], q[1] - p[1]) for p, q in pairwise(points)]
+    n = max(2, int(sum(lengths) // step))
+    begin, k = 0.0, 0
+    for (x0, y0), (x1, y1), length in zip(points, points[1:], lengths):
+        while k < n and (s := (k + 0.5) * sum(lengths) / n - begin) <= length:
+            ux, uy = (x1 - x0) / length, (y1 - y0) / length
+            nx, ny = -uy * side, ux * side
+            foot = (x0 + ux * s, y0 + uy * s)
+            shapes.append(path(foot, (foot[0] + nx * 7 - ux * 6, foot[1] + ny * 7 - uy * 6), width=0.9))
+            k += 1
+        begin += length
     return shapes
 
 
