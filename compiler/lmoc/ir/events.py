@@ -115,7 +115,8 @@ class Events:
     Attributes
     ----------
     discrete : (k,) discrete variables
-    before : (2, m) rows: a variable (also a continuous one), and the discrete one that holds its value before the event
+    before : (2, m) rows: a variable (also a continuous one), and the discrete one that holds its value before the
+        event; set in this order, the value before of ``pre(v)`` ahead of ``pre(v)`` itself
     equations, start : between discrete variables, at all events and at the start only
     written : the groups of the flat model with the relations as they are written, not as discrete variables
     initial, terminal : discrete variables that are true while the start, the end is computed; -1 where not used

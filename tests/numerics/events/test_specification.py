@@ -145,6 +145,13 @@ CASES = {
         """when x > 0.5 then a = pre(b) + 1; end when; when x > 0.5 then b = pre(a) + 1; end when;""",
         {"a": 1, "b": 1},
     ),
+    "a condition that is a value before": (
+        """Boolean b(start = false, fixed = true), p;
+        Integer m(start = 0, fixed = true), n(start = 0, fixed = true);""",
+        """when x > 0.5 then b = true; end when; when pre(b) then m = pre(m) + 1; end when;
+        algorithm p := pre(b); when p then n := pre(n) + 1; end when;""",
+        {"m": 1, "n": 1},
+    ),
     "a start value of pre": (
         """Integer k;""",
         """when x > 0.5 then k = pre(k) + 1; end when; initial equation pre(k) = 4;""",

@@ -54,7 +54,7 @@ def with_events(flat: FlatDAE, drafts: Drafts, assembler: Assembler, report: Rep
         initial_groups=initial_groups,
     )
     single = drafts.helpers.single
-    pairs = drafts.helpers.before.items()
+    pairs = reversed(drafts.helpers.before.items())  # pre(pre(v)) is what pre(v) has been: it is taken first
     before = [np.stack([v.offset + np.arange(v.size) for v in pair]) for pair in pairs]
     events = Events(
         discrete=np.setdiff1d(np.flatnonzero(changed.kind == Kind.DISCRETE), _of_laws(flat)),
