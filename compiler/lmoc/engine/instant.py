@@ -14,7 +14,6 @@ from lmoc.lower.tape import Tape
 
 SETTLED, NO_VALUE, HALTED, UNSETTLED = range(4)
 _HISTORY = 102  # (``LMOC_HISTORY``): rounds, and the values before them
-BEGUN = 100
 
 _HOOK = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p)
 _MOVE = ctypes.CFUNCTYPE(
@@ -22,11 +21,12 @@ _MOVE = ctypes.CFUNCTYPE(
 )
 COUNTED = {  # by the lengths of which tables
     "discrete": "own", "zeros": "of_zero", "relations": "op", "before": "now", "samples": "sample", "reinits": "guard",
-    "told": "tell", "bounded": "read",
+    "told": "tell", "bounded": "read", "assigned": "filled",
 }  # fmt: skip
 TABLES = (
     "own", "op", "target", "row", "of_zero", "slope", "offset", "written", "now", "past", "held", "sample", "start",
     "interval", "guard", "state", "value", "tell", "sought", "read",
+    "filled", "first_used", "used",
 )  # fmt: skip
 _NUMBERS = {
     "zero": "zeros", "margin": "zeros", "largest": "zeros", "high": "zeros", "bound": "zeros", "way": "states",
@@ -101,7 +101,7 @@ class Instant:
             *counts.values(), *(t.ctypes.data for t in self._tables), assign.addresses[1],
             None if lined is None else lined.addresses[1], self.v.ctypes.data, lines.w.ctypes.data,
             *(a.ctypes.data for a in numbers.values()), self.history.ctypes.data, self._near.ctypes.data,
-            self._found.ctypes.data, widen=address("lmoc_widen"),
+            self._found.ctypes.data, widen=address("lmoc_widen"), others=address("lmoc_try_relations"),
         )  # fmt: skip
         self.reference = ctypes.byref(self.data)
         self._kept: list[object] = [assign, lines]
@@ -127,13 +127,46 @@ class Instant:
 
     def ask(self, name: str, hook: Callable[[float, np.ndarray], bool]) -> None:
         """Have a function of time and states answer; whether it has one."""
+        self._kept.append(one := self._hook(hook))
+        setattr(self.data, name, ctypes.cast(one, ctypes.c_void_p).value)
+
+    def _hook(self, hook: Callable[[float, np.ndarray], bool]) -> Any:
         states = self.data.states
 
         def call(_: int, time: float, x: int) -> int:
             return self._answer(lambda: hook(time, _array(x, states)))
 
-        self._kept.append(one := _HOOK(call))
-        setattr(self.data, name, ctypes.cast(one, ctypes.c_void_p).value)
+        return _HOOK(call)
+
+    def read_by(self, changed: np.ndarray) -> np.ndarray:
+        """Return the zero functions of relations in the discrete equations of what has changed, (discrete,)."""
+        found = np.zeros(len(self.zero), np.int64)
+        count = self.call("lmoc_zeros_read", np.asarray(changed, float), found)
+        if count < 0:
+            raise MemoryError
+        return found[:count]
+
+    def tried(
+        self,
+        x: np.ndarray,
+        begun: np.ndarray,
+        zeros: np.ndarray,
+        most: tuple[int, int],
+        accept: Callable[[float, np.ndarray], bool],
+    ) -> bool:
+        """Take values with which all equations hold, and that are accepted, if there are any.
+
+        Parameters
+        ----------
+        begun : (discrete,) values that are changed
+        zeros : functions of the relations whose values are tried
+        most : of them that are changed at once, and how many combinations are tried
+        accept : a function of time and states
+        """
+        hook = self._hook(accept)
+        place = ctypes.cast(hook, ctypes.c_void_p).value
+        own = np.asarray(zeros, np.int64)
+        return bool(self.call("lmoc_try", x, begun, len(own), own, *most, place) == SETTLED)
 
     def ask_to_move(self, hook: Callable[[np.ndarray, int, float, np.ndarray], bool]) -> None:
         """Have a function of states, the number of a `reinit`, its value and the states behind it change these."""

@@ -55,6 +55,8 @@ _FUNCTIONS = {
     "lmoc_event": (_INT, [_POINTER, _POINTER]),
     "lmoc_next_time": (_REAL, [_POINTER, _REAL, _INT]),
     "lmoc_ring": (None, [_POINTER, _REAL]),
+    "lmoc_zeros_read": (_COUNT, [_POINTER] * 3),
+    "lmoc_try": (_INT, [*[_POINTER] * 3, _COUNT, _POINTER, _COUNT, _COUNT, _POINTER]),
     "lmoc_cross": (_COUNT, [_POINTER, _POINTER, _REAL, _POINTER]),
     "lmoc_turned_back": (_INT, [_POINTER, _POINTER, _REAL, *[_POINTER] * 5]),
     "lmoc_wrong_way": (_INT, [_POINTER, _POINTER, _REAL, *[_POINTER] * 3]),

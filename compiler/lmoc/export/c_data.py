@@ -87,13 +87,13 @@ def _events(w: _Writer, own: Executable) -> str:
     instant = [f".{name} = {size}" for name, size in sizes.items()]
     instant += [f".{name} = {w.ints(e.columns[name])}" for name in TABLES if name != "read"]
     counts = [
-        e.size, e.checks, len(e.watched.places), len(e.branches), len(e.seen), len(e.parameters), len(e.assigned),
+        e.checks, len(e.watched.places), len(e.branches), len(e.seen), len(e.parameters),
         len(e.begun), len(e.kept), e.absent, e.initial, e.terminal,
     ]  # fmt: skip
     tapes = [w.tape(t, not own.branches) for t in (e.look, e.assign, e.lines, e.begin)]
     integers = (
         e.registers, e.zeros, e.reinits, e.errors, e.watched.places, e.watched.errors, e.first_known, e.known,
-        e.branches, e.seen, e.parameters, e.assigned, e.first_read, e.read, e.begun, e.kept,
+        e.branches, e.seen, e.parameters, e.begun, e.kept,
     )  # fmt: skip
     texts = [w.texts(t) for t in (e.texts, e.told_texts, e.watched.texts)]
     tables = f"{{{', '.join(instant)}}}"

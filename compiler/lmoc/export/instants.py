@@ -51,12 +51,11 @@ class Instants:
         Zero functions and what the discrete equations read, from `kept`, the registers that derivatives leave.
     assign, lines, begin : Tape
         The discrete equations once; slopes and offsets of relations of time; the equations of the start.
-    size : registers of these tapes
-    parameters : registers of `size` that parameters have on them
+    parameters : registers that parameters have on these tapes
     absent : register without a value
     seen : registers that `look` fills and `assign` reads
     registers, start : (discrete,) registers of `look` and first values
-    assigned, begun : registers that `assign` and `begin` fill
+    begun : registers that `begin` fills
     zeros : (zeros,) registers of `look`
     columns : the tables of the engine, as of `events.tables`
     texts : (relations,) what they are in the model's text
@@ -66,7 +65,6 @@ class Instants:
     watched : assertions about the motion; registers of `look`
     first_known, known : registers of `look` with which each of these can be judged, if they are finite
     branches : registers of `look` that are zero where one of these may change
-    first_read, read : which discrete registers the equation of each of `assigned` reads
     initial, terminal : registers, or -1
     longest : s, of a step
     """
@@ -76,13 +74,11 @@ class Instants:
     lines: Tape
     begin: Tape
     kept: np.ndarray
-    size: int
     parameters: np.ndarray
     absent: int
     seen: np.ndarray
     registers: np.ndarray
     start: np.ndarray
-    assigned: np.ndarray
     begun: np.ndarray
     zeros: np.ndarray
     columns: dict[str, np.ndarray]
@@ -95,8 +91,6 @@ class Instants:
     first_known: np.ndarray
     known: np.ndarray
     branches: np.ndarray
-    first_read: np.ndarray
-    read: np.ndarray
     initial: int
     terminal: int
     longest: float
@@ -152,7 +146,6 @@ def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float]) -> In
     told += [Condition(e.guard, e.slots, 1) for e in events.terminations]
     tables = Tables({}, (), (), NONE) if layout is None else event_tables(layout, own, told)
     texts = [_message(flat, c)(row) for c in checks for row in range(len(c.slots))]
-    first_read, reads = _reads(plan, own)
     begin, begun = _begin(own, events)
     seen = NONE if layout is None else plan.reduced.register_of[layout.seen]
     known = np.concatenate([NONE, *judged])
@@ -160,17 +153,17 @@ def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float]) -> In
     look = needed_steps((*plan.reduced.observe, *looked, *steps), wanted, own.size)
     return Instants(
         values_tape(look, own.size), values_tape(tables.assign, own.size), values_tape(tables.lines, own.size),
-        values_tape(begin, own.size), unfilled(look, wanted, plan.count), own.size,
+        values_tape(begin, own.size), unfilled(look, wanted, plan.count),
         np.array(sorted(own.parameters), int), own.absent, seen,
         NONE if layout is None else layout.registers,
         np.zeros(0) if layout is None else initial_values(flat, values)[events.discrete],
-        np.concatenate([NONE, *(own.places(s.target) for s in plan.reduced.discrete if s.relation < 0)]), begun, zeros,
+        begun, zeros,
         {name: tables.columns.get(name, NONE) for name in TABLES},
         tuple(r.text for r in events.relations for _ in range(r.rows)),
         np.concatenate([NONE, *(own.places(r.target) for r in events.reinits)]), len(texts),
         np.concatenate([NONE, *(np.full(len(c.slots), c.error) for c in checks)]),
         (*texts, *(e.message for e in events.terminations for _ in e.slots)), watched,
-        np.cumsum([0, *map(len, judged)]), known, branches, first_read, reads,
+        np.cumsum([0, *map(len, judged)]), known, branches,
         own.flag(events.initial), own.flag(events.terminal), longest(),
     )  # fmt: skip
 
@@ -219,17 +212,6 @@ def _watched(own: _Layout, flat: FlatDAE) -> tuple[Told, list[np.ndarray], np.nd
             found.append(out)
     reads = [own.places(row) for c in checks for row in c.slots]
     return told, reads, np.concatenate(found), (*steps, *more)
-
-
-def _reads(plan: Plan, own: _Layout) -> tuple[np.ndarray, np.ndarray]:
-    """Return which discrete registers the equation of each assigned one reads, row after row."""
-    first, found = [0], [NONE]
-    for s in plan.reduced.discrete:
-        if s.relation < 0:
-            for table in s.slots:
-                found.append(own.places(table[own.flat.kind[table] == Kind.DISCRETE]))
-                first.append(first[-1] + len(found[-1]))
-    return np.array(first, int), np.concatenate(found)
 
 
 def _begin(own: _Layout, events: Events) -> tuple[Program, np.ndarray]:

@@ -16,7 +16,7 @@ enum { LMOC_SETTLED, LMOC_NO_VALUE, LMOC_HALTED, LMOC_UNSETTLED };
 /* The scene, what it stands at, and who is asked. Places are those of `v`, the memory of the tape of discrete equations;
    zero functions whose relations are of time alone have none, but a line. */
 typedef struct lmoc_instant {
-  int64_t states, discrete, zeros, relations, before, samples, reinits, told, bounded;
+  int64_t states, discrete, zeros, relations, before, samples, reinits, told, bounded, assigned;
   const int32_t *own;                      /* (discrete,) places */
   const int32_t *op, *target, *row;        /* (relations,) place of the value; zero function, or -1 - its line */
   const int32_t *of_zero;                  /* (zeros,) the relation of each */
@@ -26,6 +26,8 @@ typedef struct lmoc_instant {
   const int32_t *guard, *state, *value;    /* (reinits,) places; which state, or -1 */
   const int32_t *tell, *sought;            /* (told,) places of conditions; of which value something is said, 0 or not 0 */
   const int32_t *read;                     /* (bounded,) places of what `bounds` depends on */
+  const int32_t *filled, *first_used, *used; /* (assigned,) places that discrete equations fill, and which those are that
+                                              each of them reads */
   const lmoc_tape *assign, *lines;
   double *v, *line;
   double *zero, *margin, *largest, *high;  /* (zeros,) values as last looked at; how far a function that has just crossed
@@ -77,6 +79,17 @@ int lmoc_reinit(lmoc_instant *e, const double *x, int *some);       /* `moved`: 
 int lmoc_event(lmoc_instant *e, double *x);                 /* all that follows from what has been set */
 double lmoc_next_time(lmoc_instant *e, double time, int include);   /* s, of the next time event; at the time itself? */
 void lmoc_ring(lmoc_instant *e, double time);               /* the samples whose instant this is */
+
+/* Values of relations that are tried, those with the fewest changes first (`trials.c`): `begun` (discrete,) with at most
+   so many of some relations changed, those of `zeros`, whose values all equations then agree with; and `accept`, or 0.
+   LMOC_UNSETTLED where there are none among the first `trials`. */
+int lmoc_try(lmoc_instant *e, const double *x, const double *begun, int64_t count, const int64_t *zeros, int64_t most,
+             int64_t trials, int (*accept)(lmoc_instant *e, double time, const double *x));
+/* The functions of relations that the equations of what has changed read, (discrete,); how many, -1 without memory. */
+int64_t lmoc_zeros_read(const lmoc_instant *e, const double *changed, int64_t *zeros);
+/* As `others`: those that flip, in all combinations; then a few of all those in the equations of what has changed, since
+   one that does not flip may be what keeps the others from agreeing. */
+int lmoc_try_relations(lmoc_instant *e, double time, const double *x);
 
 /* What `look` does where no block is nonlinear: discrete values into the registers of a program, values out of them. */
 typedef struct {

@@ -59,16 +59,14 @@ static int64_t place_memory(fmu *f) {
   TAKE(e.flipped, i->discrete);
   TAKE(moved, 5*m->states);
   TAKE(root, 4*fmu_roots(f));
-  TAKE(flags, 2*e->size);
   TAKE(which, i->zeros);
   TAKE(turn, i->zeros);
   TAKE(before, m->states);
   TAKE(at, i->zeros);
   TAKE(hops.work, 4*m->states + 9*i->zeros);
   double *scratch;
-  scratch = at ? at + total : 0, total += i->zeros + i->told;
-  f->chosen = (int64_t *)scratch;
-  f->e.found = f->chosen + i->zeros;
+  scratch = at ? at + total : 0, total += i->told;
+  f->e.found = (int64_t *)scratch;
   f->e.moved = f->moved;
   f->e.v = f->w[ASSIGN];
   f->e.line = f->w[LINES];

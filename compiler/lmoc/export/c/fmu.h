@@ -35,11 +35,11 @@ enum { FMU_REAL, FMU_INTEGER, FMU_BOOLEAN };
 /* The events of a scene, as `export/instants.py` describes them: tables of registers. */
 typedef struct {
   lmoc_instant tables;                    /* places are registers of `assign` */
-  int64_t size, checks, watched, branches, seen, parameters, assigned, begun, kept, absent, initial, terminal;
+  int64_t checks, watched, branches, seen, parameters, begun, kept, absent, initial, terminal;
   fmu_tape look, assign, line, begin;
   const int32_t *registers, *zero;        /* (discrete,), (zeros,) of `look` */
   const int32_t *reinit_register, *check_error, *held, *held_error, *first_known, *known, *branch, *seen_registers,
-                *parameter_registers, *assigned_ones, *first_read, *read, *begun_ones, *kept_registers;
+                *parameter_registers, *begun_ones, *kept_registers;
   const double *start;
   const char *const *texts, *const *told_texts, *const *held_texts;
   double longest;                         /* s, of a step */
@@ -109,8 +109,7 @@ typedef struct fmu {
   /* one piece of memory, then scratch */
   double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
-  double *work, *noise, *moved, *root, *flags, *which, *turn, *before, *at;
-  int64_t *chosen;
+  double *work, *noise, *moved, *root, *which, *turn, *before, *at;
   int64_t doubles, pivot_count;
   int32_t *pivots;
   const lmoc_call *last;

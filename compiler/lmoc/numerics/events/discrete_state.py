@@ -12,14 +12,14 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lmoc.engine.hops import Hops
-from lmoc.engine.instant import BEGUN, SETTLED, Instant
+from lmoc.engine.instant import SETTLED, Instant
 from lmoc.engine.kernel import Kernel
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import FlatDAE
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.tables import PlanTables
-from lmoc.numerics.events.trials import prefer_regular, try_relations
+from lmoc.numerics.events.trials import prefer_regular
 from lmoc.numerics.limits import ULP
 from lmoc.numerics.observe.one_state import moved as moved_to
 from lmoc.numerics.observe.one_state import why_not
@@ -121,9 +121,8 @@ class DiscreteState:
             zeros, seen = plan.count + np.arange(layout.zero_count), plan.reduced.register_of[layout.seen]
             self._view = e.view(layout.view, plan.states, layout.registers, zeros, np.stack([seen, layout.seen]))
         e.ask("bounds", self._find_bounds)
-        e.ask("others", self._others)
         if layout.switching:
-            e.ask("regular", lambda t, x: prefer_regular(self, t, x, self.begun()))
+            e.ask("regular", lambda t, x: prefer_regular(self, t, x))
         e.ask_to_move(self._move)
 
     def adopt(self, layout: EventLayout, base: np.ndarray) -> None:
@@ -285,19 +284,15 @@ class DiscreteState:
 
     # --------------------------------------------------------------------------- events
 
-    def begun(self) -> np.ndarray:
-        """Return (flat.count,) the values with which solving has begun."""
-        found = self.v.copy()
-        found[self.layout.events.discrete] = self._instant.history[BEGUN]
-        return found
+    def read_by(self, changed: np.ndarray) -> np.ndarray:
+        """Return the zero functions of relations in the discrete equations of what has changed, (discrete,)."""
+        return self._instant.read_by(changed)
 
-    def _others(self, t: float, x: np.ndarray) -> bool:
-        """Find values that agree where solving in turn repeats itself."""
-        changed, flipped = self._instant.changed.copy(), np.zeros(len(self.v), bool)
-        flipped[self.layout.events.discrete] = self._instant.flipped > 0
-        found = try_relations(self, t, x, self.begun(), flipped)
-        self._instant.changed[:] = changed
-        return found
+    def tried(
+        self, x: np.ndarray, zeros: np.ndarray, most: tuple[int, int], suits: Callable[[float, np.ndarray], bool]
+    ) -> bool:
+        """Take values of some relations, changed from those that they have, that suit: as `Instant.tried`."""
+        return self._instant.tried(x, self.v[self.layout.events.discrete], zeros, most, suits)
 
     def solve(self, t: float, x: np.ndarray) -> None:
         """Find discrete values that agree with the continuous ones.
@@ -314,12 +309,6 @@ class DiscreteState:
         self.time = t
         self._judge(self._instant.call("lmoc_solve_instant", x))
         self.push()
-
-    def turn_once(self, t: float, x: np.ndarray) -> np.ndarray:
-        """Solve once for the continuous values, then for the discrete ones; (discrete,) which have changed."""
-        self.time = t
-        self._instant.call("lmoc_turn", x)
-        return self._instant.changed > 0
 
     def event(self, t: float, x: np.ndarray, begin: Callable[[], object]) -> Happened:
         """Carry out everything that happens at an instant.

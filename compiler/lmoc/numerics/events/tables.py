@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lmoc.expression.dag import Expr, slot
+from lmoc.ir.flat import Kind
 from lmoc.ir.program import Apply, Program
 from lmoc.lower.blocks import values_tape
 from lmoc.numerics.events.layout import EventLayout
@@ -125,7 +126,21 @@ def event_tables(layout: EventLayout, memory: Memory, told: Sequence[Condition])
         "now": memory.places(now), "past": memory.places(past), "held": np.isin(now, events.discrete),
         "read": memory.places(layout.rounded_by),
     }  # fmt: skip
+    columns |= _reads(plan, memory)
     return Tables(columns, tuple(assign), tuple(lines), np.cumsum([0, *map(len, tell[1:])]))
+
+
+def _reads(plan: Plan, memory: Memory) -> dict[str, np.ndarray]:
+    """Return which places discrete equations fill, and which of discrete variables each of them reads."""
+    kind = plan.reduced.flat.kind
+    filled, first, used = [NONE], [0], [NONE]
+    for s in plan.reduced.discrete:
+        if s.relation < 0:
+            filled.append(memory.places(s.target))
+            for row in s.slots:
+                used.append(memory.places(row[kind[row] == Kind.DISCRETE]))
+                first.append(first[-1] + len(used[-1]))
+    return {"filled": np.concatenate(filled), "first_used": np.array(first), "used": np.concatenate(used)}
 
 
 class PlanTables:

@@ -1,20 +1,17 @@
-"""Values of relations that are tried at an event, where solving in turn leads to none, or to a singular block."""
+"""Values of relations that suit better than those that solving in turn leads to; tried in C (``engine/c/trials.c``)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import chain, combinations, islice
 from typing import Protocol
 
 import numpy as np
 
 from lmoc.numerics.events.layout import EventLayout
 
-NOISES = 4.0  # times the bound for its rounding, within which a function is zero
-_TRIALS = 1024  # combinations of values of relations that are tried: all those of ten
-_TRIALS_SUITED = 200  # where there are values already, with a singular block or at a fold
+_NOISES = 4.0  # times the bound for its rounding, within which a function is zero
+_TRIALS = 200  # combinations of values of relations that are tried
 _FEW = 3  # relations that are changed at once among all
-_SETTLING = 20  # rounds in which the values behind a combination agree, or do not
 
 
 class Discrete(Protocol):
@@ -28,31 +25,15 @@ class Discrete(Protocol):
 
     def push(self) -> None: ...
     def look(self, t: float, x: np.ndarray) -> None: ...
-    def turn_once(self, t: float, x: np.ndarray) -> np.ndarray: ...
     def registers(self, t: float, x: np.ndarray) -> np.ndarray: ...
-    def supposing(self, targets: np.ndarray | None) -> None: ...
     def rounding(self, t: float, x: np.ndarray) -> np.ndarray: ...
+    def read_by(self, changed: np.ndarray) -> np.ndarray: ...
+    def tried(
+        self, x: np.ndarray, zeros: np.ndarray, most: tuple[int, int], suits: Callable[[float, np.ndarray], bool]
+    ) -> bool: ...
 
 
-def try_relations(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarray, flipped: np.ndarray) -> bool:
-    """Find values of relations with which all equations hold, those with the fewest changes first.
-
-    Tried are those that flip, in all combinations; then a few of all those in the equations of what has changed,
-    since one that does not flip may be what keeps the others from agreeing.
-
-    Parameters
-    ----------
-    begun : (flat.count,) values before
-    flipped : (flat.count,) mask of what has changed
-    """
-    own = np.flatnonzero(~discrete.layout.rounded)
-    flips = own[flipped[discrete.layout.zero_target[own]]]
-    if _try(discrete, t, x, begun, flips, len(flips)):
-        return True
-    return _try(discrete, t, x, begun, _read_by(discrete, flipped), _FEW)
-
-
-def prefer_regular(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarray) -> bool:
+def prefer_regular(discrete: Discrete, t: float, x: np.ndarray) -> bool:
     """Where a block is singular with the values found, take others with which it is not, if there are any.
 
     Of two frictions that hold one shaft, one slides without moving, and the other one takes what is left of the load:
@@ -64,13 +45,13 @@ def prefer_regular(discrete: Discrete, t: float, x: np.ndarray, begun: np.ndarra
     if not len(unclear) or key in layout.switching.tried:
         return True
     found, zero = discrete.v.copy(), discrete.zero.copy()
-    read = np.zeros(len(discrete.v), bool)
-    read[layout.events.discrete[unclear]] = True
-    zeros = _read_by(discrete, read)
+    changed = np.zeros(len(layout.events.discrete), bool)
+    changed[unclear] = True
+    zeros = discrete.read_by(changed)
     own = layout.switching.shared(discrete.registers(t, x), t)[layout.plan.count + zeros]
     over = _asked(discrete, zeros, own) != (found[layout.zero_target[zeros]] > 0)
     order = np.lexsort((np.where(over, -np.abs(own), np.abs(own)), ~over))
-    if _try(discrete, t, x, found, zeros[order], _FEW, lambda: _is_regular(discrete, t, x)):
+    if discrete.tried(x, zeros[order], (_FEW, _TRIALS), lambda now, at: _is_regular(discrete, now, at)):
         return True
     layout.switching.tried.add(key)
     discrete.v[:], discrete.zero[:] = found, zero
@@ -91,7 +72,8 @@ def leave_fold(discrete: Discrete, t: float, x: np.ndarray, returning: np.ndarra
     """
     zeros = discrete.layout.solved_with(returning[~discrete.layout.rounded[returning]])
     begun = discrete.v.copy()
-    if len(zeros) and _try(discrete, t, x, begun, zeros, len(zeros), lambda: _is_clear(discrete, t, x, zeros)):
+    most = len(zeros), _TRIALS
+    if len(zeros) and discrete.tried(x, zeros, most, lambda now, at: _is_clear(discrete, now, at, zeros)):
         return True
     discrete.v[:] = begun
     discrete.push()
@@ -105,66 +87,8 @@ def _is_regular(discrete: Discrete, t: float, x: np.ndarray) -> bool:
 
 def _is_clear(discrete: Discrete, t: float, x: np.ndarray, zeros: np.ndarray) -> bool:
     """Return whether functions are off zero by more than rounding."""
-    rounding = np.fmax(discrete.margin, NOISES * discrete.rounding(t, x))
+    rounding = np.fmax(discrete.margin, _NOISES * discrete.rounding(t, x))
     return bool((np.abs(discrete.zero) > rounding)[zeros].all())
-
-
-def _read_by(discrete: Discrete, changed: np.ndarray) -> np.ndarray:
-    """Return the zero functions of the relations in the discrete equations of what has changed."""
-    own = np.flatnonzero(~discrete.layout.rounded)
-    read = np.zeros(len(discrete.v), bool)
-    for step in discrete.layout.plan.reduced.discrete:
-        if step.relation < 0:
-            read[step.slots[changed[step.target]]] = True
-    return own[read[discrete.layout.zero_target[own]]]
-
-
-def _try(
-    discrete: Discrete,
-    t: float,
-    x: np.ndarray,
-    begun: np.ndarray,
-    zeros: np.ndarray,
-    most: int,
-    suits: Callable[[], bool] | None = None,
-) -> bool:
-    """Try values of relations, with at most so many of them changed; `suits` has the last word."""
-    targets = discrete.layout.zero_target[zeros]
-    discrete.supposing(targets)
-    changes = chain.from_iterable(combinations(range(len(zeros)), k) for k in range(most + 1))
-    try:
-        for change in islice(changes, _TRIALS if suits is None else _TRIALS_SUITED):
-            discrete.v[:] = begun
-            others = targets[list(change)]
-            discrete.v[others] = 1.0 - discrete.v[others]
-            if not _settles(discrete, t, x) or not _agrees(discrete, t, x, zeros, targets):
-                continue
-            if suits is None or suits():
-                return True
-    finally:
-        discrete.supposing(None)
-    return False
-
-
-def _settles(discrete: Discrete, t: float, x: np.ndarray) -> bool:
-    """Return whether the other values agree with those that are being tried, and take them."""
-    return any(not discrete.turn_once(t, x).any() for _ in range(_SETTLING))
-
-
-def _agrees(discrete: Discrete, t: float, x: np.ndarray, zeros: np.ndarray, targets: np.ndarray) -> bool:
-    """Return whether relations have the values that are being tried; where both sides are equal, either will do.
-
-    A friction that holds no more than its limit slides and does not move: two of them on one shaft at rest.
-    """
-    value = discrete.zero[zeros]
-    wrong = _asked(discrete, zeros, value) != (discrete.v[targets] > 0)
-    if not wrong.any():
-        return True
-    rounding = np.fmax(discrete.margin, NOISES * discrete.rounding(t, x))[zeros]
-    if (np.abs(value) > rounding)[wrong].any():
-        return False
-    discrete.margin[zeros[wrong]] = rounding[wrong]  # it stays as it has been taken, also where it is exactly zero
-    return True
 
 
 def _asked(discrete: Discrete, zeros: np.ndarray, value: np.ndarray) -> np.ndarray:
