@@ -196,6 +196,7 @@ KERNELS = {  # who makes kernels of tapes; everybody else asks these
     "lmoc.engine.kernel",
     "lmoc.numerics.coordinates.bounds_kernel",
     "lmoc.numerics.coordinates.entries",
+    "lmoc.numerics.evaluate.at_points",
     "lmoc.numerics.evaluate.engine_system",
     "lmoc.numerics.evaluate.function",
     "lmoc.numerics.evaluate.observed",

@@ -66,10 +66,9 @@ def eliminate(
         E0660 (`NoSymbolsError`) where a coefficient grows beyond `most` terms.
     """
     import sympy as sp
-    from sympy.polys.constructor import construct_domain
 
     places = [(i, x) for i, row in enumerate(rows) for x in row]
-    field, elements = construct_domain([sp.S.One, *(sp.sympify(rows[i][x]) for i, x in places)], field=True)
+    field, elements = _field([sp.S.One, *(sp.sympify(rows[i][x]) for i, x in places)])
     left: list[Sparse] = [{} for _ in rows]
     for (i, x), element in zip(places, elements[1:], strict=True):
         if element:
@@ -87,6 +86,26 @@ def eliminate(
         {x: readable(row) for x, row in by_free.items()},
         [readable(right[i]) for i in range(len(rows)) if i not in used],
     )
+
+
+def _field(coefficients: list[sympy.Expr]) -> tuple[Any, list[Element]]:
+    """Return a field that holds coefficients, and these in it.
+
+    Sines and cosines of one angle are independent of each other there: neither they nor expressions, which SymPy would
+    take instead, know that their squares add up to one.
+    """
+    import sympy as sp
+    from sympy.polys.constructor import construct_domain
+
+    field, elements = construct_domain(coefficients, field=True)
+    if field.is_EX:
+        rational, others = construct_domain(coefficients, field=True, composite=True)
+        symbols = getattr(rational, "symbols", ())
+        if rational.is_FractionField and rational.domain.is_Exact and all(
+            s.is_Symbol or isinstance(s, sp.sin | sp.cos) for s in symbols
+        ):
+            return rational, others
+    return field, elements
 
 
 def _forward(left: list[Sparse], right: list[Sparse], late: set[int], most: float) -> list[tuple[int, int]]:

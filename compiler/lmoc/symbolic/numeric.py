@@ -9,13 +9,13 @@ import numpy as np
 
 from lmoc.expression.dag import postorder
 from lmoc.ir.flat import Kind
-from lmoc.ir.program import Apply, Program, Solve, Step, needed_steps, read, written
+from lmoc.ir.program import Apply, Program, Solve, Step, needed_steps, read
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError, SimulationError, nearest
+from lmoc.numerics.evaluate.at_points import AtPoints
 from lmoc.numerics.options.options import RunOptions
 from lmoc.numerics.run.simulate import Simulator
 from lmoc.numerics.solve.interpreter import Interpreter
-from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.numerics.start.parameters import sources_without_value
 from lmoc.structure.laws.degree import dependent
 from lmoc.structure.messages.equations import listed
@@ -75,21 +75,20 @@ class NumericSystem:
         self.targets = np.concatenate([reduced.derivatives, seen[seen >= 0]]).astype(int)
         self._shown = np.flatnonzero(seen >= 0)
         program = reduced.rhs + needed_steps(reduced.observe, seen[seen >= 0], count)
-        self._interpreter = Interpreter(program, count)
         self._sources = np.concatenate([reduced.states, self.jets[0]]).astype(int)
-        self._jacobian = Jacobian(program, self._sources, self.targets, count)
+        self._at = AtPoints(program, count, self._sources, self.targets, patient=reduced.guess is None)
         self._values = values
-        self._w = np.full(count, np.nan)
-        self._filled = np.concatenate([np.zeros(0, int), *(written(step) for step in program)])
+        self._w = self._at.w
         self._w[reduced.known[0]] = values[reduced.known[1]]
         self._check_values(values)
         Interpreter(reduced.parameter_program, count).run(self._w, np.nan)
         self._w[self.jets[0]] = 0.0
+        self._at.forget()
 
     def _check_values(self, values: np.ndarray) -> None:
         """Every parameter that the programs read has a value."""
         known, used = self.reduced.known, np.zeros(len(self._w), bool)
-        for step in (*self.reduced.parameter_program, *self._interpreter.program):
+        for step in (*self.reduced.parameter_program, *self.program):
             used[read(step)] = True
         missing = known[1][np.isnan(self._w[known[0]]) & used[known[0]]]
         if len(missing):
@@ -100,16 +99,12 @@ class NumericSystem:
     def _place(self, x: np.ndarray, u: np.ndarray, time: float) -> None:
         orders, variables = self.jets[2], self.jets[1]
         at = np.searchsorted(self.input_variables, variables)
-        self._run(x, np.where(orders == 0, u[at], 0.0) if len(variables) else np.zeros(0), time)
-
-    def _run(self, x: np.ndarray, jets: np.ndarray, time: float) -> None:
-        self._w[self.reduced.states] = x
-        self._w[self.jets[0]] = jets
-        self._interpreter.run(self._w, time)
+        jets = np.where(orders == 0, u[at], 0.0) if len(variables) else np.zeros(0)
+        self._at.run(np.concatenate([x, jets]), time)
 
     def rates_with(self, x: np.ndarray, jets: np.ndarray, time: float) -> np.ndarray:
         """(n,) derivatives of the states for given inputs and their derivatives, in the order of `jets`."""
-        self._run(x, jets, time)
+        self._at.run(np.concatenate([x, jets]), time)
         return self._w[self.reduced.derivatives].copy()
 
     def rates(self, x: np.ndarray, u: np.ndarray, time: float = 0.0) -> np.ndarray:
@@ -120,8 +115,7 @@ class NumericSystem:
     def matrices(self, x: np.ndarray, u: np.ndarray, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Values (n + p,) of rates and outputs, and their Jacobian by states and input jets."""
         self._place(x, u, time)
-        dense = np.zeros((len(self.targets), len(self._sources)))
-        dense[self._jacobian.rows, self._jacobian.columns] = self._jacobian.values(self._w, time)
+        dense = self._at.derivatives(time)
         n, p = len(self.states), len(self.outputs)
         full = np.zeros((n + p, dense.shape[1]))
         full[n + np.flatnonzero(np.isin(self.outputs, self.reduced.undetermined))] = np.nan
@@ -133,7 +127,7 @@ class NumericSystem:
     @property
     def program(self) -> Program:
         """Return the function of the rates and the outputs."""
-        return self._interpreter.program
+        return self._at.program
 
     def finite(self, shown: np.ndarray) -> bool:
         """Return whether the outputs of a mask have values where the programs have run last."""
@@ -148,7 +142,7 @@ class NumericSystem:
         points = [generator.uniform(-1, 1, len(self.states) + len(self.inputs)) for _ in range(2)]
         n = len(self.states)
         first, second = (self.matrices(p[:n], p[n:], time)[1] for p, time in zip(points, (0.3, 0.7), strict=True))
-        self._forget()
+        self._at.forget()
         size = max(1.0, float(np.abs(first).max(initial=0.0)))
         return bool(np.allclose(first, second, rtol=1e-9, atol=1e-12 * size))
 
@@ -167,15 +161,10 @@ class NumericSystem:
             names = [*self.states, *self.inputs]
             raise no_derivative(f"something that depends on '{names[k]}'")
 
-    def _forget(self) -> None:
-        """Let nonlinear blocks be solved from their first guess again, not from a point that is not meant."""
-        self._interpreter.reset()
-        self._w[self._filled] = np.nan
-
     @cached_property
     def pose(self) -> Pose | None:
         """Return the start of the scene with inputs of zero; None where it is irrelevant or does not exist."""
-        unknowns = [step.unknowns.ravel() for step in self._interpreter.program if _is_nonlinear(step)]
+        unknowns = [step.unknowns.ravel() for step in self.program if _is_nonlinear(step)]
         if not unknowns:
             return None
         try:
@@ -191,7 +180,7 @@ class NumericSystem:
         """Follow the implicit equations from the start to a point, so that they stay on the branch of the start."""
         if self.pose is None:
             return
-        self._forget()
+        self._at.forget()
         self._w[self.pose.registers] = self.pose.values
         for share in np.linspace(0.0, 1.0, APPROACH):
             at = self.pose.states + share * (x - self.pose.states)

@@ -16,10 +16,10 @@ import numpy as np
 from lmoc.ir.program import needed_steps, read
 from lmoc.ir.reduced import Invariants, Reduced
 from lmoc.messages.diagnostics import ModelError, SimulationError
+from lmoc.numerics.evaluate.at_points import AtPoints
 from lmoc.numerics.options.options import RunOptions
 from lmoc.numerics.run.simulate import Simulator
 from lmoc.numerics.solve.interpreter import Interpreter
-from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.support.records import dataclass
 from lmoc.symbolic.curve import LoopCurve, walk
 from lmoc.symbolic.search import Rest, rests, values_at, within_a_turn
@@ -53,30 +53,26 @@ class _AtRest:
         self._targets = np.concatenate([rates, closures]).astype(int)
         wanted = np.unique(np.concatenate([np.zeros(0, int), *(read(step) for step in own.program)]))
         program = reduced.rhs + needed_steps(reduced.observe, wanted, registers.count) + own.program
-        self._interpreter = Interpreter(program, own.count)
-        self._jacobian = Jacobian(program, self._sources, self._targets, own.count)
-        self._w = np.full(own.count, np.nan)
-        self._w[reduced.known[0]] = values[reduced.known[1]]
-        Interpreter(reduced.parameter_program, own.count).run(self._w, np.nan)
-        self._w[reduced.states] = 0.0
+        self._at = AtPoints(program, own.count, self._sources, self._targets)
+        w = self._at.w
+        w[reduced.known[0]] = values[reduced.known[1]]
+        Interpreter(reduced.parameter_program, own.count).run(w, np.nan)
+        w[reduced.states] = 0.0
         for register, variable, order in reduced.inputs.T.tolist():
-            self._w[register] = inputs.get(flat.variable_name(variable), 0.0) if order == 0 else 0.0
+            w[register] = inputs.get(flat.variable_name(variable), 0.0) if order == 0 else 0.0
+        self._at.forget()
         units = (flat.block_at(int(v)).unit for v in self.variables)
         self.turning = np.array([unit in ("rad", "deg") for unit in units], bool)
 
     def values(self, y: np.ndarray) -> np.ndarray:
-        self._w[self._sources] = y
-        self._interpreter.run(self._w, 0.0)
-        return self._w[self._targets].copy()
+        self._at.run(y, 0.0)
+        return self._at.w[self._targets]
 
     def slopes(self, y: np.ndarray) -> np.ndarray:
         return self.values_and_slopes(y)[1]
 
     def values_and_slopes(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        values = self.values(y)
-        dense = np.zeros((len(self._targets), len(self._sources)))
-        dense[self._jacobian.rows, self._jacobian.columns] = self._jacobian.values(self._w, 0.0)
-        return values, dense
+        return self.values(y), self._at.derivatives(0.0)
 
     def parts(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return accelerations, closures, and the Jacobian of the closures."""
