@@ -28,6 +28,7 @@ ROOT = Path(__file__).parents[2] / "models"
 MODELS = sorted(ROOT.glob("*/*.lmo"))
 # 0.2 s are many turns of a linkage, and friction by signs as written chatters
 NOT_LONG = [p for p in MODELS if p.parent.name not in ("classic", "failures")]
+NOT_STIFF = [p for p in NOT_LONG if p.stem != "h28_prothero_robinson"]  # 10⁵ explicit steps by numpy
 STEP = 1e-3  # s, of scenes whose equations have kinks
 SMALL = {"N": 20}  # the large scenes, short
 
@@ -144,7 +145,7 @@ def trajectory(
     return np.concatenate(rows)
 
 
-@pytest.mark.parametrize("path", NOT_LONG, ids=lambda p: f"{p.parent.name}/{p.stem}")
+@pytest.mark.parametrize("path", NOT_STIFF, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_trajectories_agree(path: Path) -> None:
     dae = compiled(path)
     plan, found = systems(dae)

@@ -51,7 +51,7 @@ def test_central_differences(name):
             assert np.allclose(matrix[:, j], difference, rtol=1e-6, atol=1e-6 * size)
 
 
-@pytest.mark.parametrize("name", [name for name in MODELS if name != "hard/h27_car_axis"])  # it takes as long as the others
+@pytest.mark.parametrize("name", [name for name in MODELS if name != "hard/h27_car_axis"])  # as long as all others
 def test_numbers_equal_symbols(name):
     dae = compiled(name)
     if len(dae.states) > MOST_STATES:

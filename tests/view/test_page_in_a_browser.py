@@ -268,7 +268,8 @@ def test_a_mass_on_a_string_is_dragged_no_farther_than_the_string_is_long():
     """)  # fmt: skip
     found = seen.answer
     assert seen.console == [] and found["trouble"] == ""
-    assert found["far"]["body.q"] == pytest.approx(1, abs=1e-6) and found["back"]["body.q"] < 1
+    assert 1 - 1e-4 < found["far"]["body.q"] <= 1 + 1e-9  # how near to it depends on when the pointer is heard
+    assert found["back"]["body.q"] < 1
 
 
 def test_events_are_walked_through_and_a_part_shows_its_equation():
