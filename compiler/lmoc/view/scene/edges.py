@@ -102,7 +102,8 @@ def edges_of(plane: Plane, port: Port, within: float) -> list[Point]:
 
 def contact(plane: Plane, element: Element, ports: Sequence[Port]) -> None:
     """Draw a straight edge of the ground or of a body, where a point or a disk may touch it."""
-    shapes, frame = tuple(symbols.hatching(*_edge(plane, element), 1)), element.port("frame")
+    begin, end = _edge(plane, element)
+    shapes, frame = tuple(symbols.hatching(begin, end, 1)), element.port("frame")
     if frame is None:
         plane.back.append(Item("contact", element.name, (Anchor(0.0, 0.0),), shapes))
     else:
