@@ -54,7 +54,7 @@ class _Asked:
 
     def doubles(self, place: int, count: int) -> np.ndarray:
         """Return memory of C as an array, which the next call may overwrite."""
-        return np.frombuffer((ctypes.c_double * count).from_address(place)) if count else np.zeros(0)
+        return np.ctypeslib.as_array((ctypes.c_double * count).from_address(place)) if count else np.zeros(0)
 
 
 class Finder:
@@ -91,7 +91,7 @@ class Finder:
         def quiet_at(_: int, time: float, heights: int, found: int) -> int:
             def work() -> None:
                 answer = quiet(time, asked.doubles(heights, count))
-                np.frombuffer((ctypes.c_uint8 * count).from_address(found), np.uint8)[:] = answer
+                np.ctypeslib.as_array((ctypes.c_uint8 * count).from_address(found))[:] = answer
 
             return asked.answer(work)
 

@@ -155,7 +155,8 @@ class _Regular:
         known = np.concatenate([values, derived_values(self.normalized.derived, values)])
         registers = self.layout.known_values(known)
         failed = [fails(registers).any(axis=0) for fails in self.tests]
-        return ~np.any(failed, axis=0)
+        regular: np.ndarray = ~np.any(failed, axis=0)
+        return regular
 
 
 def _start(selection: Selection) -> list[Guard]:

@@ -220,7 +220,7 @@ def _singular(blocks: AlikeBlocks, linear: list[tuple[tuple[Expr, Expr], ...]], 
     for e, row in enumerate(linear):
         for leaf, c in row:
             matrix[..., e, place[leaf]] = evaluate(c, lambda k, _: values[blocks.registers[:, k]])
-    known = np.isfinite(matrix).all(axis=(0, -2, -1))
+    known: np.ndarray = np.asarray(np.isfinite(matrix).all(axis=(0, -2, -1)))
     matrix = np.where(known[..., None, None], matrix, 0.0)
     for axis in (-1, -2):
         largest = np.abs(matrix).max(axis=axis, keepdims=True)

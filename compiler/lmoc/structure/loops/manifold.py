@@ -371,7 +371,7 @@ def _independent(jacobian: np.ndarray, share: float) -> tuple[np.ndarray, dict[i
     if surely_independent(unit, share):
         return np.arange(len(unit)), {}
     left = unit.copy()
-    open_: np.ndarray = unit.any(axis=1)
+    open_: np.ndarray = np.asarray(unit.any(axis=1))
     kept: list[int] = []
     while open_.any():
         length = np.where(open_, np.linalg.norm(left, axis=1), 0.0)
