@@ -122,7 +122,7 @@ def test_a_signal_while_running_keeps_what_there_is(folder, number, code, backgr
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_at_any_moment_ends_quietly(folder, number):
     """While files are imported, parsed, reduced: a line, no traceback, no file of an internal error."""
-    for wait in np.linspace(0.12, 0.9, 14):
+    for wait in np.linspace(0.12, 0.9, 8):
         environment = {**os.environ, "TMPDIR": str(folder)}
         process = subprocess.Popen([*COMMAND, *LONG], cwd=folder, text=True, env=environment,
                                    stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)  # fmt: skip

@@ -66,7 +66,9 @@ def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch
     other = dae.simulate(**options)
     assert [held for _, held in run.coordinates] == [held for _, held in other.coordinates]
     np.testing.assert_allclose(run.end.x, other.end.x, rtol=1e-11)
-    assert all(run.stats[count] == other.stats[count] for count in ("steps", "rejected", "evaluations"))
+    assert all(run.stats[count] == other.stats[count] for count in ("steps", "rejected"))
+    if len({len(held) for _, held in run.coordinates}) == 1:  # in all coordinates, Python asks for rates where it lands
+        assert run.stats["evaluations"] == other.stats["evaluations"]
     for name in dae.states:
         np.testing.assert_allclose(run[name], other[name], rtol=1e-11, atol=1e-11 * np.abs(other[name]).max())
 

@@ -40,7 +40,6 @@ def row(count: int, g: float = 0.0) -> lmoc.DAE:
         *((2, 0.0, solver) for solver in SOLVERS),
         (3, 0.0, "radau"),
         (3, 0.0, "ida"),
-        (2, 9.81, "dop853"),
         (2, 9.81, "cvode"),
     ],
 )
