@@ -154,7 +154,7 @@ def test_trajectories_agree(path: Path) -> None:
     implicit = any(isinstance(s, Solve) and not s.linear for s in walk(plan.program))
     if implicit:  # its blocks have solutions in places only
         x0 = points(dae, plan, 1)[0]
-    rtol, grid = 1e-7, np.linspace(0, min(0.2, dae.flat.experiment.stop or 0.2), 5)
+    rtol, grid = 1e-7, np.linspace(0, min(0.1, dae.flat.experiment.stop or 0.1), 5)
     if not len(x0):
         return
     # where a kink rejects a step is rounding, and what the steps then are; of equal ones rounding is all that differs
