@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from lmoc.engine.answers import Answers, doubles
 from lmoc.engine.library import library
 
 _ROOT, _NO_MEMORY = 1, 3
-_HALTED = 2
 _VALUES = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
 _QUIET = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p)
 
@@ -26,35 +26,6 @@ class _Finder(ctypes.Structure):
         ("memory", ctypes.c_void_p),
         ("room", ctypes.c_int64),
     ]
-
-
-class _Asked:
-    """Functions of Python that C asks: what they raise is kept until it has come back."""
-
-    def __init__(self) -> None:
-        self._failed: BaseException | None = None
-        self._seen: dict[int, np.ndarray] = {}
-
-    def answer(self, work: Callable[[], None]) -> int:
-        try:
-            work()
-        except BaseException as raised:
-            self._failed = raised
-            return _HALTED
-        return 0
-
-    def judge(self, status: int) -> int:
-        """Return a status; what has been raised in Python is raised."""
-        if self._failed is not None:
-            raised, self._failed = self._failed, None
-            raise raised
-        if status == _NO_MEMORY:
-            raise MemoryError
-        return status
-
-    def doubles(self, place: int, count: int) -> np.ndarray:
-        """Return memory of C as an array, which the next call may overwrite."""
-        return np.ctypeslib.as_array((ctypes.c_double * count).from_address(place)) if count else np.zeros(0)
 
 
 class Finder:
@@ -78,19 +49,19 @@ class Finder:
         values: Callable[[np.ndarray], np.ndarray],
         quiet: Callable[[float, np.ndarray], np.ndarray],
     ) -> None:
-        self._library, self._asked, count = library(), _Asked(), len(signs)
+        self._library, self._asked, count = library(), Answers(_NO_MEMORY), len(signs)
         self.signs, self.which = signs, np.zeros(count, bool)
         asked = self._asked
 
         def values_at(_: int, many: int, times: int, found: int) -> int:
             def work() -> None:
-                asked.doubles(found, many * count)[:] = values(asked.doubles(times, many)).ravel()
+                doubles(found, many * count)[:] = values(doubles(times, many)).ravel()
 
             return asked.answer(work)
 
         def quiet_at(_: int, time: float, heights: int, found: int) -> int:
             def work() -> None:
-                answer = quiet(time, asked.doubles(heights, count))
+                answer = quiet(time, doubles(heights, count))
                 np.ctypeslib.as_array((ctypes.c_uint8 * count).from_address(found))[:] = answer
 
             return asked.answer(work)
@@ -135,13 +106,13 @@ def lowest(curve: Callable[[float], float], a: float, b: float) -> tuple[float, 
     return time.value, value.value
 
 
-def _curve(curve: Callable[[np.ndarray], np.ndarray]) -> tuple[_Asked, Callable[..., int]]:
+def _curve(curve: Callable[[np.ndarray], np.ndarray]) -> tuple[Answers, Callable[..., int]]:
     """Return a function of time as C asks it."""
-    asked = _Asked()
+    asked = Answers(_NO_MEMORY)
 
     def ask(_: int, many: int, times: int, found: int) -> int:
         def work() -> None:
-            asked.doubles(found, many)[:] = curve(asked.doubles(times, many))
+            doubles(found, many)[:] = curve(doubles(times, many))
 
         return asked.answer(work)
 

@@ -7,12 +7,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from lmoc.engine.answers import Answers, doubles
 from lmoc.engine.library import library
 from lmoc.numerics.laws.complementarity import NO_SOLUTION, Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import ContactKinematics, Instant, Laws, Mask
 
-_NO_MEMORY, _HALTED = -1, 2
+_NO_MEMORY = -1
 _REASONS = {NO_SOLUTION: "no forces keep them", 3: "no states nearby satisfy them", 4: "no impulses keep them"}
 _PLACE, _TIME = ctypes.c_void_p, ctypes.c_double
 _AT = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE, _PLACE)
@@ -44,7 +45,7 @@ class Asked:
     def __init__(self, kinematics: ContactKinematics, unresolved: Array | float = 0.0) -> None:
         self.kinematics = kinematics
         self._seen: list[Instant] = []
-        self._failed: BaseException | None = None
+        self._answers = Answers(_NO_MEMORY)
         table, count = kinematics.table, len(kinematics.plan.states)
         self.laws, self.states = len(table.kind), count
         self._at, self._exact = _AT(self._values), _EXACT(self._without_rounding)
@@ -68,13 +69,13 @@ class Asked:
         def relaxed(_: int, x: int, moved: int, lost: int) -> int:
             def work() -> None:
                 states, energy = relax(self.instant(self._state(x)))
-                _doubles(moved, self.states)[:] = states
-                _doubles(lost, self.laws)[:] += energy
+                doubles(moved, self.states)[:] = states
+                doubles(lost, self.laws)[:] += energy
 
-            return self._answer(work)
+            return self._answers.answer(work)
 
         def decided(_: int, x: int) -> int:
-            return self._answer(lambda: decide(self.instant(self._state(x))))
+            return self._answers.answer(lambda: decide(self.instant(self._state(x))))
 
         hooks = _RELAX(relaxed), _DECIDE(decided)
         self._kept.append(hooks)
@@ -92,11 +93,7 @@ class Asked:
         Contradiction
         """
         given = [a.ctypes.data if isinstance(a, np.ndarray) else a for a in arguments]
-        status = getattr(library(), name)(ctypes.byref(self._data), *given)
-        if self._failed is not None:
-            raise self._failed
-        if status == _NO_MEMORY:
-            raise MemoryError
+        status = self._answers.judge(getattr(library(), name)(ctypes.byref(self._data), *given))
         if status in _REASONS:
             raise Contradiction(np.flatnonzero(laws), _REASONS[status])
 
@@ -110,9 +107,9 @@ class Asked:
         def work() -> None:
             now = self.kinematics.at(t, self._state(x))
             self._seen.append(now)
-            _doubles(found, self.laws * (7 + self.laws + 3 * self.states))[:] = now.values()
+            doubles(found, self.laws * (7 + self.laws + 3 * self.states))[:] = now.values()
 
-        return self._answer(work)
+        return self._answers.answer(work)
 
     def _without_rounding(self, _: int, t: float, x: int, which: int, bias: int) -> int:
         def work() -> None:
@@ -121,23 +118,9 @@ class Asked:
             clean = self.kinematics.without_rounding(now, own)
             if clean is not now:
                 self._seen.append(clean)
-                _doubles(bias, self.laws)[:] = clean.bias
+                doubles(bias, self.laws)[:] = clean.bias
 
-        return self._answer(work)
+        return self._answers.answer(work)
 
     def _state(self, place: int) -> Array:
-        return _doubles(place, self.states).copy()
-
-    def _answer(self, work: Callable[[], None]) -> int:
-        """Keep what is raised until C has come back."""
-        try:
-            work()
-        except BaseException as raised:
-            self._failed = raised
-            return _HALTED
-        return 0
-
-
-def _doubles(place: int, count: int) -> Array:
-    """Return memory of C as an array."""
-    return np.frombuffer((ctypes.c_double * count).from_address(place)) if count else np.zeros(0)
+        return doubles(place, self.states).copy()
