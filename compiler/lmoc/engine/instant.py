@@ -13,7 +13,7 @@ from lmoc.engine.library import address, library
 from lmoc.lower.tape import Tape
 
 SETTLED, NO_VALUE, HALTED, UNSETTLED = range(4)
-_HISTORY = 102  # (``LMOC_HISTORY``): rounds, and the values before them
+BEGUN, _HISTORY = 100, 102  # rows of ``history``: behind the rounds the values before them (``LMOC_BEGUN``); how many
 
 _HOOK = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p)
 _MOVE = ctypes.CFUNCTYPE(

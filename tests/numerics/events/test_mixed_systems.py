@@ -81,7 +81,8 @@ def test_of_two_frictions_that_hold_one_wheel_the_stronger_one_takes_what_is_lef
     assert stops == pytest.approx(at, abs=1e-6)
     rest = (run.time > 0.28) & (run.time < 6)
     assert np.abs(run["v"][rest]).max() < 1e-9
-    assert np.abs(run["weak.f"][rest]) == pytest.approx(0.5, abs=1e-9)
+    # sa = der(v) + fmax was below -fmax before the wheel stopped: of both directions the one that changes no relation
+    assert run["weak.f"][rest] == pytest.approx(-0.5, abs=1e-9)
     assert run["strong.f"][rest] == pytest.approx(2 - run.time[rest] - run["weak.f"][rest], abs=1e-9)
 
 

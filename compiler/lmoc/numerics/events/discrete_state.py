@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lmoc.engine.hops import Hops
-from lmoc.engine.instant import SETTLED, Instant
+from lmoc.engine.instant import BEGUN, SETTLED, Instant
 from lmoc.engine.kernel import Kernel
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
@@ -223,9 +223,9 @@ class DiscreteState:
         count, passed = self.layout.zero_count, t - self._begun
         rates = _finite(self.layout.rounding(w, t))[count:]
         way = _finite(np.fmax(np.abs(x), passed * np.abs(w[plan.derivatives]))) if passed > 0 else np.zeros(len(x))
-        self._instant.bound[:] = _finite(
-            self.layout.rounding(w, t, (plan.states, ULP * way + 2.0 * passed * rates))
-        )[:count]
+        self._instant.bound[:] = _finite(self.layout.rounding(w, t, (plan.states, ULP * way + 2.0 * passed * rates)))[
+            :count
+        ]
         self._instant.way[:] = way
         return True
 
@@ -289,10 +289,19 @@ class DiscreteState:
         return self._instant.read_by(changed)
 
     def tried(
-        self, x: np.ndarray, zeros: np.ndarray, most: tuple[int, int], suits: Callable[[float, np.ndarray], bool]
+        self,
+        x: np.ndarray,
+        begun: np.ndarray,
+        zeros: np.ndarray,
+        most: tuple[int, int],
+        suits: Callable[[float, np.ndarray], bool],
     ) -> bool:
-        """Take values of some relations, changed from those that they have, that suit: as `Instant.tried`."""
-        return self._instant.tried(x, self.v[self.layout.events.discrete], zeros, most, suits)
+        """Take values of some relations that suit, changed from those that they have had: as `Instant.tried`."""
+        return self._instant.tried(x, begun, zeros, most, suits)
+
+    def begun(self) -> np.ndarray:
+        """Return the discrete values with which the last round of an event began, (discrete,)."""
+        return self._instant.history[BEGUN].copy()
 
     def solve(self, t: float, x: np.ndarray) -> None:
         """Find discrete values that agree with the continuous ones.

@@ -28,16 +28,23 @@ class Discrete(Protocol):
     def registers(self, t: float, x: np.ndarray) -> np.ndarray: ...
     def rounding(self, t: float, x: np.ndarray) -> np.ndarray: ...
     def read_by(self, changed: np.ndarray) -> np.ndarray: ...
+    def begun(self) -> np.ndarray: ...
     def tried(
-        self, x: np.ndarray, zeros: np.ndarray, most: tuple[int, int], suits: Callable[[float, np.ndarray], bool]
+        self,
+        x: np.ndarray,
+        begun: np.ndarray,
+        zeros: np.ndarray,
+        most: tuple[int, int],
+        suits: Callable[[float, np.ndarray], bool],
     ) -> bool: ...
 
 
 def prefer_regular(discrete: Discrete, t: float, x: np.ndarray) -> bool:
     """Where a block is singular with the values found, take others with which it is not, if there are any.
 
-    Of two frictions that hold one shaft, one slides without moving, and the other one takes what is left of the load:
-    the one that half of it is too much for. Returns that there are values.
+    Of two frictions that hold one shaft, one slides without moving, and the other one takes what is left of the load.
+    Several values may do: those are taken that change the fewest relations from before the event, among them those
+    of the friction that half of the load is too much for. Returns that there are values.
     """
     layout = discrete.layout
     unclear = layout.switching.undetermined_by(discrete.registers(t, x), t)
@@ -51,7 +58,9 @@ def prefer_regular(discrete: Discrete, t: float, x: np.ndarray) -> bool:
     own = layout.switching.shared(discrete.registers(t, x), t)[layout.plan.count + zeros]
     over = _asked(discrete, zeros, own) != (found[layout.zero_target[zeros]] > 0)
     order = np.lexsort((np.where(over, -np.abs(own), np.abs(own)), ~over))
-    if discrete.tried(x, zeros[order], (_FEW, _TRIALS), lambda now, at: _is_regular(discrete, now, at)):
+    if discrete.tried(
+        x, discrete.begun(), zeros[order], (_FEW, _TRIALS), lambda now, at: _is_regular(discrete, now, at)
+    ):
         return True
     layout.switching.tried.add(key)
     discrete.v[:], discrete.zero[:] = found, zero
@@ -73,7 +82,9 @@ def leave_fold(discrete: Discrete, t: float, x: np.ndarray, returning: np.ndarra
     zeros = discrete.layout.solved_with(returning[~discrete.layout.rounded[returning]])
     begun = discrete.v.copy()
     most = len(zeros), _TRIALS
-    if len(zeros) and discrete.tried(x, zeros, most, lambda now, at: _is_clear(discrete, now, at, zeros)):
+    if len(zeros) and discrete.tried(
+        x, begun[discrete.layout.events.discrete], zeros, most, lambda now, at: _is_clear(discrete, now, at, zeros)
+    ):
         return True
     discrete.v[:] = begun
     discrete.push()
