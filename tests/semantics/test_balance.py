@@ -105,6 +105,16 @@ def test_a_part_that_states_nothing_delivers_what_comes_out_of_its_ports() -> No
     assert dae.find("w[2].power") is not None
 
 
+def test_a_pair_whose_units_make_no_power_adds_nothing() -> None:
+    dae = flat("""connector P Real p(unit = "Pa"); flow Real m(unit = "kg/s"); end P;
+        connector Q Real p(unit = "Pa"); flow Real v(unit = "m3/s"); end Q;
+        model Pump P a, b; Q c; equation a.m = 1; a.m + b.m = 0; c.v = 2; end Pump;
+        model Pool P a; equation a.p = 1; end Pool; model Tank Q c; equation c.p = 3; end Tank;
+        model A Pump pump; Pool x, y; Tank z;
+      equation connect(pump.a, x.a); connect(pump.b, y.a); connect(pump.c, z.c); end A;""")
+    assert equations(dae, "ledger")[:2] == ["pump.power = -pump.c.v*pump.c.p", "x.power = 0"]
+
+
 def test_assemblies_are_not_counted_twice() -> None:
     dae = flat("""
         model Two Flange a; Real energy = m.energy; Mass m(m = 1); equation connect(a, m.flange); end Two;

@@ -2,8 +2,9 @@
 
 A part states its `energy`, its `loss` or the `power` it delivers. A part with ports that states none of them is taken
 as a source of what comes out of its ports: −Σ flow·der(potential), or what the units of the ports say is a power,
-−Σ flow·potential (voltage and current, pressure and volume flow) or −Σ flow (temperature and heat flow). Where no part
-of a scene states anything, these cancel in every connection, and the ledger is empty.
+−Σ flow·potential (voltage and current, pressure and volume flow) or −Σ flow (temperature and heat flow); a pair whose
+units make no power of it (pressure and mass flow) adds nothing. Where no part of a scene states anything, these cancel
+in every connection, and the ledger is empty.
 """
 
 from __future__ import annotations
@@ -107,11 +108,14 @@ def _port_power(number: int, part: Part, blocks: list[Block], offset: int) -> tu
     power: dag.Expr = dag.ZERO
     for potential, flow in part.ports:
         across, through = blocks[potential], blocks[flow]
+        orders = _factors(across.unit, through.unit)
+        if orders is None:
+            continue
         inner = across.size // size if size else 0
         for k in range(inner):
             out = dag.slot(len(columns))
             columns.append(through.offset + np.arange(size) * inner + k)
-            for order in _factors(across.unit, through.unit):
+            for order in orders:
                 out = dag.mul(out, dag.slot(len(columns), order))
                 columns.append(across.offset + np.arange(size) * inner + k)
             power = dag.sub(power, out)
@@ -119,17 +123,24 @@ def _port_power(number: int, part: Part, blocks: list[Block], offset: int) -> tu
 
 
 @cache
-def _factors(potential: str, flow: str) -> tuple[int, ...]:
-    """The order of the potential's derivative that makes a power of the flow; nothing where the flow is one itself."""
+def _factors(potential: str, flow: str) -> tuple[int, ...] | None:
+    """The order of the potential's derivative that makes a power of the flow.
+
+    Nothing where the flow is one itself; None where neither the potential nor its derivative makes one of it.
+    """
     try:
         across, through = parse_unit(potential), parse_unit(flow)
     except UnitError:
         return (1,)
-    watt = parse_unit("W")
-    if through is not None and through.exponents == watt.exponents:
+    watt = parse_unit("W").exponents
+    if through is not None and through.exponents == watt:
         return ()
-    product = None if across is None or through is None else across * through
-    return (0,) if product is not None and product.exponents == watt.exponents else (1,)
+    if across is None or through is None:
+        return (1,)
+    product = across * through
+    if product.exponents == watt:
+        return (0,)
+    return (1,) if (product / parse_unit("s")).exponents == watt else None
 
 
 def join_sums(first: Sums, second: Sums) -> Sums:
