@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lmoc.ir.flat import Kind
@@ -15,11 +16,25 @@ if TYPE_CHECKING:
 
 
 class Kinematics:
-    """Known motion: parameters, inputs, states and potentials, in jets of the coordinates."""
+    """Known motion: parameters, inputs, states and potentials, in jets of the coordinates.
 
-    def __init__(self, interpreter: SymbolicInterpreter, system: Outline, potentials: list[int]):
+    Parameters
+    ----------
+    closures : vanish along the motion. A position that they make shorter is written the short way: around a loop the
+        centre of a rocker hangs on its own pin, and not on crank and coupler.
+    """
+
+    def __init__(
+        self,
+        interpreter: SymbolicInterpreter,
+        system: Outline,
+        potentials: list[int],
+        closures: Sequence[sympy.Expr] = (),
+    ):
         reduced = interpreter.reduced
         self.interpreter = interpreter
+        self._closures = closures
+        self._shortest: dict[sympy.Expr, sympy.Expr] = {}
         self.coordinates = [system.states[q] for q, _ in system.coordinates]
         self.orders = [2 if v >= 0 else 1 for _, v in system.coordinates]
         self._velocity = {
@@ -49,7 +64,12 @@ class Kinematics:
         flat = self.interpreter.reduced.flat
         if flat.kind[variable] == Kind.INPUT:
             return jet_symbol(flat.variable_name(variable), 0)
-        return self._in_jets(self.interpreter.variable(variable))
+        value = self._in_jets(self.interpreter.variable(variable))
+        if not self._closures:
+            return value
+        if value not in self._shortest:
+            self._shortest[value] = shortest(value, self._closures)
+        return self._shortest[value]
 
     def rate(self, value: sympy.Expr) -> sympy.Expr:
         """Total time derivative."""
@@ -73,3 +93,25 @@ class Kinematics:
         if symbol in self.coordinates or symbol in self.interpreter.input_symbols:
             return jet_symbol(base, order + 1)
         return sp.S.Zero
+
+
+def shortest(value: sympy.Expr, closures: Sequence[sympy.Expr]) -> sympy.Expr:
+    """Return a sum less such multiples of closures as leave fewer operations.
+
+    A multiple cancels one term of the sum by one of the closure's; each step shortens, so there are few.
+    """
+    import sympy as sp
+
+    value = sp.expand(value)
+    while True:
+        own = value.as_coefficients_dict()
+        others = [
+            sp.expand(value - own[term] / c * g)
+            for g in closures
+            for term, c in g.as_coefficients_dict().items()
+            if term != 1 and own.get(term, 0) != 0
+        ]
+        best = min((value, *others), key=sp.count_ops)
+        if best is value:
+            return value
+        value = best

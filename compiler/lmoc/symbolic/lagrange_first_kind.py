@@ -70,13 +70,14 @@ def derive_first_kind(reduced: Reduced, values: np.ndarray) -> FirstKind | None:
     outline = interpreter.outline()
     ports = ports_of_elements(reduced.flat)
     try:
-        kinematics = Kinematics(interpreter, outline, [p for p, _ in ports])
+        closures = _closures(interpreter, own)
+        kinematics = Kinematics(interpreter, outline, [p for p, _ in ports], closures)
         laws = PartLaws(reduced.flat, kinematics)
         power, reactions = power_by_coordinate(kinematics, laws, ports)
     except (NoSymbolsError, NotLinearError):
         return None
     left = [p.xreplace(dict.fromkeys(reactions, sp.S.Zero)) for p in power]
-    closures, forces = _with_forces(_closures(interpreter, own), kinematics.coordinates, power, _tensions(laws))
+    closures, forces = _with_forces(closures, kinematics.coordinates, power, _tensions(laws))
     rows = [[slope(g, q) for q in kinematics.coordinates] for g in closures]
     place = _Place(interpreter, kinematics, closures)
     highest = [jet_symbol(q.name, n) for q, n in zip(kinematics.coordinates, kinematics.orders, strict=True)]

@@ -52,7 +52,11 @@ class PartLaws:
         self._order()
 
     def _order(self) -> None:
-        """Assign rows to variables: rows with one variable left, repeatedly."""
+        """Assign rows to variables: rows with one variable left, repeatedly.
+
+        A definition, ``dy = l·sin(theta)``, before a row in which the variable only occurs, ``b.y = a.y + dy``: around
+        a loop both give it, and the definition is what a person would read.
+        """
         open_of: list[set[int]] = []
         waiting: dict[int, list[int]] = defaultdict(list)
         for i, (group, row) in enumerate(self.rows):
@@ -61,9 +65,17 @@ class PartLaws:
             open_of.append(left)
             for v in left:
                 waiting[v].append(i)
-        ready = [i for i, left in enumerate(open_of) if len(left) == 1]
-        while ready:
-            i = ready.pop()
+        ready: tuple[list[int], list[int]] = ([], [])
+
+        def queue(i: int) -> None:
+            (v,) = open_of[i]
+            ready[self._defines(i, v)].append(i)
+
+        for i, left in enumerate(open_of):
+            if len(left) == 1:
+                queue(i)
+        while ready[0] or ready[1]:
+            i = (ready[1] or ready[0]).pop()
             if len(open_of[i]) != 1:
                 continue
             (v,) = open_of[i]
@@ -73,7 +85,7 @@ class PartLaws:
             for j in waiting[v]:
                 open_of[j].discard(v)
                 if len(open_of[j]) == 1:
-                    ready.append(j)
+                    queue(j)
         self.unknown = {v for left in open_of for v in left}
         self.relations = [i for i, left in enumerate(open_of) if left]
         causes = set(self._cause.values())
@@ -81,6 +93,12 @@ class PartLaws:
 
     def _is_unknown(self, variable: int) -> bool:
         return self.flat.kind[variable] == Kind.UNKNOWN and variable not in self.kinematics.known
+
+    def _defines(self, i: int, variable: int) -> bool:
+        """Return whether a row says what a variable is: ``variable = …``."""
+        group, row = self.rows[i]
+        left = group.left
+        return left.op == "slot" and left.value[1] == 0 and int(group.slots[row][left.value[0]]) == variable
 
     def _gives(self, i: int, variable: int) -> bool:
         """Return whether a row is solved for a variable without dividing by what moves."""
