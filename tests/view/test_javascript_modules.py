@@ -5,9 +5,9 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from oracles.lawful import held_velocities
 from oracles.node import needs_node, run_script
 
-from lmoc.numerics.laws.rest import held_velocities
 from lmoc.numerics.signals.curves import fit
 from lmoc.view.javascript.script import method
 from lmoc.view.page import join

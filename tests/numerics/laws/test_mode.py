@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from oracles.lawful import free_mode, settle
 
 from lmoc.ir.law import NONE, LawKind
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import KINDS, Instant, LawTable
-from lmoc.numerics.laws.mode import free_mode, settle
 
 GAP, FRICTION, CONTACT = (
     KINDS.index(kind) for kind in (LawKind.UNILATERAL, LawKind.DRY_FRICTION, LawKind.CONTACT_FRICTION)

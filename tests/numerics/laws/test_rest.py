@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from oracles.lawful import held_velocities
 
 import lmoc
-from lmoc.numerics.laws.rest import held_velocities
 
 SLOPE = """model Slope "a block that sticks on a slope"
   Fixed wall; Mass m(m = 1.3, g = 9.81*sin(0.3), q(start = 0.7, fixed = true), v(start = 0, fixed = true));

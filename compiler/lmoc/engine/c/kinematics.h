@@ -19,6 +19,7 @@ typedef struct {
   double *bias, *slip, *stick;           /* (n,) levels; limits of friction, no number for others */
   double *delassus, *response, *slope;   /* (n, n) levels by forces; (states, n) rates of states; (2, n, states) gaps and
                                             rates by the states */
+  double *stored;                        /* J, no number without a ledger */
 } lmoc_contact;
 
 /* The scene, and who is asked. */
@@ -40,6 +41,8 @@ typedef struct {
 /* Doubles of an instant, and their places. */
 int64_t lmoc_contact_size(int64_t laws, int64_t states);
 void lmoc_contact_place(int64_t laws, int64_t states, double *memory, lmoc_contact *to);
+
+void lmoc_contact_copy(int64_t laws, int64_t states, const lmoc_contact *from, lmoc_contact *to);
 
 int lmoc_contact_at(const lmoc_kinematics *k, double time, const double *x, lmoc_contact *to);
 

@@ -19,7 +19,7 @@ static const double DRIFT = 1e3;      /* errors of a step: by what a gap may hav
                                          from a given motion */
 enum { MOST_NEWTON = 12 };
 
-int64_t lmoc_contact_size(int64_t laws, int64_t states) { return states + laws * (7 + laws + 3*states); }
+int64_t lmoc_contact_size(int64_t laws, int64_t states) { return states + laws * (7 + laws + 3*states) + 1; }
 
 void lmoc_contact_place(int64_t laws, int64_t states, double *memory, lmoc_contact *to) {
   double **rows[] = {&to->gap, &to->rate, &to->gap_scale, &to->rate_scale, &to->bias, &to->slip, &to->stick};
@@ -29,6 +29,12 @@ void lmoc_contact_place(int64_t laws, int64_t states, double *memory, lmoc_conta
   to->delassus = memory;
   to->response = memory + laws * laws;
   to->slope = to->response + laws * states;
+  to->stored = to->slope + 2*laws * states;
+}
+
+void lmoc_contact_copy(int64_t laws, int64_t states, const lmoc_contact *from, lmoc_contact *to) {
+  to->time = from->time;
+  memcpy(to->x, from->x, (size_t)lmoc_contact_size(laws, states) * sizeof(double));
 }
 
 int lmoc_contact_at(const lmoc_kinematics *k, double time, const double *x, lmoc_contact *to) {

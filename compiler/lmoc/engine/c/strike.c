@@ -10,11 +10,14 @@
 #include <string.h>
 
 static const double LOCATED = 1e-14;   /* s, or this share of the time: so exactly are instants located */
+static const double LOSSLESS = 1e-6;   /* of a rate, in a bounce */
 static const double TAKES_PART = 1e-3; /* of the largest iterate: below it a law takes no part in a contradiction */
 
 int lmoc_is_impulsive(const lmoc_kinematics *k, int64_t law) {
   return k->laws.complementary[law] && k->laws.degree[law] == LMOC_POSITION;
 }
+
+int lmoc_is_lossless(const lmoc_kinematics *k, int64_t law) { return k->restitution[law] > 1 - LOSSLESS; }
 
 double lmoc_acceleration(const lmoc_contact *now, int64_t n, int64_t law) {
   const double held = now->delassus[law*n + law] * now->stick[law];

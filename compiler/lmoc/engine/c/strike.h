@@ -15,6 +15,8 @@ typedef struct {
 
 int lmoc_is_impulsive(const lmoc_kinematics *k, int64_t law);   /* only complementarities between inertias carry impulses */
 
+int lmoc_is_lossless(const lmoc_kinematics *k, int64_t law);    /* all bounces left are no series that ends */
+
 /* The rates below which motions are at rest: rounding of the velocities, and of the time of the event. */
 double lmoc_least_rate(const lmoc_contact *now, int64_t n, int64_t law);
 double lmoc_acceleration(const lmoc_contact *now, int64_t n, int64_t law); /* that the states and its own friction make */

@@ -17,7 +17,6 @@ static const double LEAST_HEIGHT = 1e-14; /* ... as where they are lower than th
 static const double RESOLVED = 1e3;       /* ... or than this many errors that the integrator allows itself ... */
 static const double TOGETHER = 1e4;       /* ... or as this many where gaps that cannot be told from zero close among bounces
                                              without loss */
-static const double LOSSLESS = 1e-6;      /* of a rate, in a bounce: all bounces left are no series that ends */
 static const double HOLDS = 1e-6;         /* share of what a law alone would have to hold: beyond it a force is none of
                                              rounding */
 
@@ -35,8 +34,6 @@ typedef struct {
   int64_t *directions, *at_limit, *turns;
   lmoc_flag *flags, *holding, *touching, *striking, *sharing, *candidate, *one, *other, *releasing;
 } decision;
-
-static int is_lossless(const decision *d, int64_t i) { return d->k->restitution[i] > 1 - LOSSLESS; }
 
 /* The next instant takes the place of the present one. */
 static void step_on(decision *d) {
@@ -121,7 +118,7 @@ static int comes_back_low(const decision *d, int64_t i, double times) {
 
 static int touches_taking(const decision *d, int64_t i) {
   for (int64_t j = 0; j < d->n; j++)
-    if (d->striking[j] && !is_lossless(d, j) && d->now.delassus[i * d->n + j] != 0) return 1;
+    if (d->striking[j] && !lmoc_is_lossless(d->k, j) && d->now.delassus[i * d->n + j] != 0) return 1;
   return 0;
 }
 
@@ -146,8 +143,8 @@ static int bounces_over(decision *d, int *some) {
   for (int64_t i = 0; i < d->n; i++) {
     const double level = d->trial.level[i], e = k->restitution[i], left = 2 * d->now.rate[i] / (-level * (1 - e));
     const int own = leaving[i] && d->trigger->closing[i];
-    elastic |= own && is_lossless(d, i) && touches_taking(d, i) && comes_back_low(d, i, TOGETHER);
-    over[i] = own && e > 0 && !is_lossless(d, i) && level < 0 && (left < BOUNCES_LEFT || comes_back_low(d, i, 1));
+    elastic |= own && lmoc_is_lossless(d->k, i) && touches_taking(d, i) && comes_back_low(d, i, TOGETHER);
+    over[i] = own && e > 0 && !lmoc_is_lossless(d->k, i) && level < 0 && (left < BOUNCES_LEFT || comes_back_low(d, i, 1));
     if (over[i]) d->found->until = fmax(d->found->until, d->now.time + left);
   }
   for (int64_t i = 0; i < d->n; i++) {
@@ -337,10 +334,7 @@ static int decide(decision *d, double time, const double *x) {
     f->accumulated[i] = f->undecided[i] = 0;
   }
   if ((failed = lmoc_contact_at(k, time, x, &d->now)) || (failed = begin(d, &strikes))) return failed;
-  lmoc_contact kept = d->before;
-  memcpy(kept.x, d->now.x, (size_t)lmoc_contact_size(d->n, k->states) * sizeof(double));
-  kept.time = d->now.time;
-  d->before = kept;
+  lmoc_contact_copy(d->n, k->states, &d->now, &d->before);
   if (strikes && (failed = impulses(d, &energy))) return failed;
   for (int64_t i = 0; i < d->n && !strikes; i++) /* what has been closed is at rest, however slow the scene */
     if (d->holding[i]) d->least[i] = INFINITY;
@@ -354,9 +348,8 @@ static int decide(decision *d, double time, const double *x) {
   for (int64_t i = 0; i < d->n; i++)
     f->touched[i] = d->touching[i] || (d->candidate[i] && !k->unilateral[i]) || k->laws.degree[i] == LMOC_JENKINS;
   if ((failed = onto_closed(d))) return failed;
-  memcpy(f->before, d->before.x, (size_t)k->states * sizeof(double));
-  memcpy(f->x, d->now.x, (size_t)k->states * sizeof(double));
-  memcpy(f->bias, d->now.bias, (size_t)d->n * sizeof(double));
+  f->stored = *d->before.stored;
+  lmoc_contact_copy(d->n, k->states, &d->now, f->now);
   return k->decide && k->decide(k->owner, d->now.x) ? LMOC_HELD_UP : LMOC_SOLVED;
 }
 

@@ -21,8 +21,8 @@ typedef struct {
 /* The consequences. */
 typedef struct {
   lmoc_settled settled;        /* the new mode with its forces; `laws`: those that contradict each other */
-  double *before, *x;          /* (states,) before and behind the impulses, on what is closed */
-  double *bias;                /* (n,) levels behind them, without rounding */
+  lmoc_contact *now;           /* behind the impulses, on what is closed, with levels without rounding */
+  double stored;               /* J, before the impulses */
   double *impulse, *lost;      /* (n,) along the laws, and the energy that each takes out */
   lmoc_flag *touched;          /* (n,) whose motion, the gap or the velocity that closes it, is zero */
   lmoc_flag *accumulated;      /* (n,) whose bounces are over */

@@ -46,10 +46,19 @@ class TapeFunction:
         """Return the results."""
         w = self._kernel.w
         w[self._plan.states] = x
-        for register, (signal, order) in zip(self._sampled.tolist(), self._samplers, strict=True):
-            w[register] = signal.value(t, order)
+        self.sample(t)
         self._kernel(t)
         return w[self._places]
+
+    def sample(self, t: float) -> None:
+        """Take the inputs at a time."""
+        for register, (signal, order) in zip(self._sampled.tolist(), self._samplers, strict=True):
+            self._kernel.w[register] = signal.value(t, order)
+
+    @property
+    def kernel(self) -> Kernel:
+        """The tape with its registers."""
+        return self._kernel
 
     def many(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return the results at several times, (times, size)."""

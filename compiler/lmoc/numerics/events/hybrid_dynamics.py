@@ -7,7 +7,6 @@ something that they depend on.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -36,8 +35,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.laws.time_stepping import TimeStepping
     from lmoc.numerics.problem.system import System
 
-_CHATTER = 500  # changes of laws within …
-_MOMENT = 1e-10  # … this share of the run are chattering
+_MOMENT = 1e-10  # share of the run within which laws that change without end are chattering
 _LOOKS = 32  # places on a passage; even, so that none is the singular one in its middle
 _ROUNDS = 20  # of laws and discrete equations that change each other at one instant
 
@@ -67,7 +65,7 @@ class HybridDynamics:
         self.plan, self.values, self.open, self.given = plan, values, base.copy(), signals
         self.span, self.report = span, report
         reduced = plan.reduced
-        self.laws = None if reduced.switched is None else LawSwitching(plan, values, self.open, signals)
+        self.laws = None if reduced.switched is None else self._switching(self.open)
         self.stepping = Stepping(plan, base, signals, span, report)
         self.handler = None
         if reduced.flat.events is not None:
@@ -77,7 +75,6 @@ class HybridDynamics:
         self._law_roots = 0
         self._roots: Roots | None = None  # of the present segment …
         self._signs: np.ndarray | None = None  # … and their signs where it has begun
-        self._times: deque[float] = deque(maxlen=_CHATTER)  # s, of the latest changes of laws
 
     def stand_at(self, unknowns: np.ndarray, solutions: np.ndarray) -> None:
         """Take the solutions of the nonlinear blocks where the run stands, to stay on their branch."""
@@ -100,8 +97,11 @@ class HybridDynamics:
             self.handler.adopt(plan, base, t, x)
         if self.laws is not None:
             before = self.laws
-            self.laws = LawSwitching(plan, self.values, self._with_discrete(self.open), self.given)
+            self.laws = self._switching(self._with_discrete(self.open))
             self.laws.go_on(before, t, x)
+
+    def _switching(self, base: np.ndarray) -> LawSwitching:
+        return LawSwitching(self.plan, self.values, base, self.given, _MOMENT * (self.span[1] - self.span[0]))
 
     # --------------------------------------------------------- what holds between events
 
@@ -246,7 +246,7 @@ class HybridDynamics:
     @property
     def kept(self) -> Callable[..., np.ndarray] | None:
         """Return what moves states onto what is closed (`LawSwitching.kept`); None where it stays closed by itself."""
-        return None if self.laws is None or not self.laws.drifting.any() else self.laws.kept
+        return None if self.laws is None or not self.laws.drifts else self.laws.kept
 
     def steps(self) -> TimeStepping:
         """Return what goes through the laws in steps of equal length, from the present states on."""
@@ -298,8 +298,7 @@ class HybridDynamics:
             return x
         behind = self._input_steps(t, x)
         self.stepping.pass_by(t)
-        count = len(self.laws.mode.closed) + len(self.laws.second)
-        behind, events = self.laws.happen(t, behind, np.zeros(count, bool), jumped=True)
+        behind, events = self.laws.happen(t, behind, jumped=True)
         self.records += events
         self._collect()
         return behind if self.handler is None else self._settle(t, x, behind)
@@ -311,7 +310,7 @@ class HybridDynamics:
 
         Parameters
         ----------
-        unresolved : (states,) as of `laws.transition`
+        unresolved : (states,) as of ``lmoc_kinematics``
         errors : (states,) what the integrator has allowed itself in a step
 
         Raises
@@ -325,16 +324,9 @@ class HybridDynamics:
         self._reached = t
         of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
         if self.laws is not None:
-            self.laws.unresolved, self.laws.kinematics.errors = unresolved, errors
-        if of_laws.any():
-            self._times.append(t)
-            if len(self._times) == _CHATTER and t - self._times[0] <= _MOMENT * (self.span[1] - self.span[0]):
-                names = ", ".join(self.laws.names(of_laws))
-                raise Stopped(Status.CHATTERING, f"the laws of {names} open and close without end at t = {t:.6g} s")
+            self.laws.allow(unresolved, errors)
+        if self.laws is not None and (of_laws.any() or stepped):
             x, events = self.laws.happen(t, x, of_laws, jumped=stepped)
-            self.records += events
-        elif stepped and self.laws is not None:
-            x, events = self.laws.happen(t, x, np.zeros(self._law_roots, bool), jumped=True)
             self.records += events
         if self.handler is None:
             self._collect()
@@ -355,11 +347,11 @@ class HybridDynamics:
         before, x : the states as the laws have left them, and as they are now
         """
         for _ in range(_ROUNDS):
-            past = self.laws.kinematics.at(t, x)
+            self.laws.look(t, x)
             self._renew_laws()
             mode = self.laws.signals()
-            jumped = self.laws.part(t, x, past) or self._differ(before, x)
-            before, events = self.laws.happen(t, x, np.zeros(self._law_roots, bool), jumped)
+            jumped = self.laws.part(t, x) or self._differ(before, x)
+            before, events = self.laws.happen(t, x, jumped=jumped)
             self.records += events
             if not events and mode == self.laws.signals():
                 return before
@@ -375,8 +367,7 @@ class HybridDynamics:
     def _renew_laws(self) -> None:
         """The laws are judged with the present discrete values."""
         if self.handler is not None:
-            self.laws = self.laws.renewed(self._with_discrete(self.open))
-            self._law_roots = len(self.laws.mode.closed) + len(self.laws.second)
+            self.laws.renew(self._with_discrete(self.open))
 
     def _renew_discrete(self) -> None:
         """The discrete equations are judged with the present modes of the laws."""

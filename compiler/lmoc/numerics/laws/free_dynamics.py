@@ -7,6 +7,7 @@ blocks, which have to be followed from place to place, the switched form with al
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Protocol
@@ -45,6 +46,8 @@ class EvaluateFree(Protocol):
     """
 
     def __call__(self, t: float, x: Array, /) -> tuple[Array, Array, Array]: ...
+
+    def prepare(self, base: Array, signals: Mapping[int, Signal]) -> None: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +102,7 @@ class FreeDynamics:
     ----------
     plan : what is evaluated, the free scene where that is possible
     quantities : Quantities
+    stored : register of the ledger's stored energy, -1 for none
     values : (k,) registers of the quantities, in the order of (gap, rate, level, slip, stick) without those that are
         not computed; last the stored energy of the ledger, where there is one
     """
@@ -113,7 +117,7 @@ class FreeDynamics:
         registers = self.quantities.registers
         stored = self.plan.reduced.flat.find("ledger.stored")
         own = [] if stored is None else [int(self.plan.reduced.register_of[int(stored[0])])]
-        self.has_stored = any(r >= 0 for r in own)
+        self.stored = max([-1, *own])  # register; -1 for none
         self.values = np.concatenate([registers[registers >= 0], np.array([r for r in own if r >= 0], int)])
         self.outputs = np.concatenate([registers[2], self.plan.derivatives])
         self.motions = registers[:2][registers[:2] >= 0]
@@ -150,7 +154,7 @@ class FreeDynamics:
         It returns the registers `values`, the derivatives of the levels and of the states' rates by the forces, and
         those of gaps and rates by the states.
         """
-        return _ByEngine(self, base, signals) if self.is_explicit else Interpreted(self, base, signals)
+        return ByEngine(self, base, signals) if self.is_explicit else Interpreted(self, base, signals)
 
     @cached_property
     def level_rounding(self) -> Rounding:
@@ -168,6 +172,22 @@ class FreeDynamics:
         """Return the derivatives by the forces, with all values, and those by the states."""
         own, count = self.program, self.plan.count
         return derivatives_tape(own, self.by_force, count, True), derivatives_tape(own, self.by_state, count, True)
+
+    @cached_property
+    def tables(self) -> tuple[Array, Array, Array, Array]:
+        """Where derivatives stand in the matrices of ``lmoc_free_dynamics``; registers of states and quantities."""
+        motions, count = np.flatnonzero((self.quantities.registers[:2] >= 0).ravel()), len(self.plan.states)
+        force, state = self.by_force, self.by_state
+        found = (
+            force.rows * len(self.push) + force.columns, motions[state.rows] * count + state.columns,
+            self.plan.states, self.quantities.registers,
+        )  # fmt: skip
+        return tuple(np.ascontiguousarray(v, np.int32) for v in found)
+
+    @property
+    def asks_for_inputs(self) -> bool:
+        """Return whether there are inputs whose values Python gives."""
+        return not np.isin(self.plan.sampled, self.push).all()
 
     @cached_property
     def linear(self) -> NDArray[np.bool_]:
@@ -296,18 +316,52 @@ class FreeFunctions:
         return self.lowered.p[len(self.parameters) - self.laws :]
 
 
-class _ByEngine:
+class FreeInC(ctypes.Structure):
+    """``lmoc_free_dynamics`` in ``engine/c/free_dynamics.h``."""
+
+    _fields_ = [
+        *[(name, ctypes.c_int64) for name in ("laws", "states", "stored")],
+        ("count", ctypes.c_int64 * 2),
+        *[(name, ctypes.c_void_p * 2) for name in ("place", "entry", "w", "tape")],
+        *[(name, ctypes.c_void_p) for name in ("state", "quantity", "known")],
+    ]
+
+
+class ByEngine:
     """The program and its derivatives by the engine, with the parameters and signals of a run."""
 
     def __init__(self, scene: FreeDynamics, base: Array, signals: Mapping[int, Signal]) -> None:
-        base = base.copy()
-        base[scene.push] = 0.0
         force, state = scene.tapes
         self._scene, self._size = scene, len(scene.values)
         self._force = TapeFunction(force, scene.plan, np.concatenate([scene.values, force.results]), scene.push)
         self._state = TapeFunction(state, scene.plan, state.results, scene.push)
+        self.prepare(base, signals)
+
+    def prepare(self, base: Array, signals: Mapping[int, Signal]) -> None:
+        """Take the registers that do not change between events, and the inputs."""
+        base = base.copy()
+        base[self._scene.push] = 0.0
         for function in (self._force, self._state):
             function.prepare(base, signals)
+
+    def sample(self, t: float) -> None:
+        """Take the inputs at a time."""
+        for function in (self._force, self._state):
+            function.sample(t)
+
+    def in_c(self, known: Array) -> FreeInC:
+        """Return what C reads; valid as long as this lives. `known`: (5, n) of quantities without a register."""
+        tables = self._scene.tables
+        places = [np.ascontiguousarray(t.results, np.int32) for t in self._scene.tapes]
+        kernels = [f.kernel.addresses for f in (self._force, self._state)]
+        made = FreeInC(len(self._scene.push), len(self._scene.plan.states), self._scene.stored)
+        for k in range(2):
+            made.count[k], made.place[k], made.entry[k] = len(places[k]), places[k].ctypes.data, tables[k].ctypes.data
+            made.w[k], made.tape[k] = kernels[k]
+        made.state, made.quantity = tables[2].ctypes.data, tables[3].ctypes.data
+        made.known = known.ctypes.data
+        made.kept = places, known, self
+        return made
 
     def __call__(self, t: float, x: Array) -> tuple[Array, Array, Array]:
         scene, found = self._scene, self._force(t, x)
@@ -323,8 +377,14 @@ class Interpreted:
     """The program run by numpy, with the parameters and signals of a run."""
 
     def __init__(self, scene: FreeDynamics, base: Array, signals: Mapping[int, Signal]) -> None:
-        self.scene, self.base, self.signals = scene, base, signals
+        self.scene = scene
         self.interpreter = Interpreter(scene.program, scene.plan.count)
+        self.prepare(base, signals)
+
+    def prepare(self, base: Array, signals: Mapping[int, Signal]) -> None:
+        """Take the registers that do not change between events, and the inputs."""
+        self.base, self.signals = base, signals
+        self.interpreter.reset()
 
     def stand_at(self, unknowns: Indices, solutions: Array) -> None:
         """Start again from these solutions of nonlinear blocks."""

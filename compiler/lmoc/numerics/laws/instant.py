@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lmoc.engine.library import library
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
-from lmoc.numerics.laws.free_dynamics import Interpreted, free_dynamics, quantities_of
+from lmoc.numerics.laws.free_dynamics import ByEngine, Interpreted, free_dynamics, quantities_of
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
-from lmoc.structure.laws.switched import POSITION
 from lmoc.support.records import dataclass
 
 Array = NDArray[np.float64]
@@ -121,10 +120,16 @@ class Instant:
     stick: Array
     stored: float
 
-    def values(self) -> Array:
-        """Return all values in one row, as ``lmoc_contact`` has them behind the states."""
-        rows = self.gap, self.rate, self.gap_scale, self.rate_scale, self.bias, self.slip, self.stick
-        return np.concatenate([*rows, self.delassus.ravel(), self.response.ravel(), self.slope.ravel()])
+    @classmethod
+    def of(cls, t: float, x: Array, row: Array, n: int) -> Instant:
+        """Return an instant from its values in one row, as ``lmoc_contact`` has them behind the states."""
+        m = len(x)
+        gap, rate, gap_scale, rate_scale, bias, slip, stick = row[: 7 * n].reshape(7, n)
+        delassus, response, slope = np.split(row[7 * n : -1], np.cumsum([n * n, m * n]))
+        return cls(
+            t, x, gap, rate, gap_scale, rate_scale, slope.reshape(2, n, m), bias, delassus.reshape(n, n),
+            response.reshape(m, n), slip, stick, float(row[-1]),
+        )  # fmt: skip
 
 
 class ContactKinematics:
@@ -132,7 +137,8 @@ class ContactKinematics:
 
     Attributes
     ----------
-    errors : (states,) what the integrator allows itself in a step
+    in_c : what evaluates them in C, as ``lmoc_free_at`` reads it; None where inputs are given by Python, and of scenes
+        with nonlinear blocks
     noise : (n,) bounds of what levels are by rounding alone, where that has been looked at; 0 before
 
     Parameters
@@ -152,15 +158,22 @@ class ContactKinematics:
         self.force = plan.reduced.register_of[form.force]
         self.table = _table(form, values)
         self.scene = free_dynamics(plan, signals)
-        self.stored = self.scene.has_stored
-        self.errors: Array | float = 0.0
+        self.stored = self.scene.stored >= 0
         self.noise = np.zeros(form.count)
-        self._noisy: tuple[float, Array] | None = None  # where that has been found
+        self._noisy: tuple[float, Array] | None = None  # where it has been looked at
         self._present = self.scene.quantities.registers >= 0
         self._open_base = self.scene.base(base, signals)
         self._evaluate = self.scene.bind(self._open_base, signals)
-        self._last: Instant | None = None
-        self._forms: Array | None = None
+        self._program = self._evaluate.in_c(self.known) if isinstance(self._evaluate, ByEngine) else None
+        self.in_c = None if self._program is None or self.scene.asks_for_inputs else self._program
+        self._last: tuple[float, Array, Array] | None = None
+
+    def renew(self, base: Array) -> None:
+        """Take other registers that do not change between events."""
+        self.base, self._last, self._noisy = base, None, None
+        self.noise[:] = 0.0
+        self._open_base = self.scene.base(base, self.signals)
+        self._evaluate.prepare(self._open_base, self.signals)
 
     def stand_at(self, unknowns: NDArray[np.int64], solutions: Array) -> None:
         """Start again from these solutions of nonlinear blocks."""
@@ -169,62 +182,54 @@ class ContactKinematics:
         if isinstance(self._evaluate, Interpreted) and self.scene.plan is self.plan:
             self._evaluate.stand_at(unknowns, solutions)
 
-    @property
-    def rate_forms(self) -> Array:
-        """(n, states) the rates as linear forms in velocities, with coefficients that never change; NaN for others."""
-        if self._forms is None:
-            self._forms = self._find_rate_forms()
-        return self._forms
-
-    def _find_rate_forms(self) -> Array:
-        count = len(self.plan.states)
-        forms = np.full((self.form.count, count), np.nan)
-        linear = self.scene.linear[1]
-        if not linear.any():
-            return forms
-        rest = self._at(0.0, np.zeros(count))
-        of_velocities = ~rest.slope[1][:, self.plan.held < 0].any(axis=1)
-        own = linear & of_velocities & (rest.rate == 0.0) & (self.table.degree == POSITION)
-        forms[own] = rest.slope[1][own]
-        return forms
-
-    def without_rounding(self, now: Instant, which: Mask) -> Instant:
-        """Return an instant in which levels of these laws that are rounding alone are zero.
+    def without_rounding(self, t: float, x: Array, which: Mask, bias: Array) -> None:
+        """Make levels of these laws zero, in place, that are rounding alone.
 
         Two bodies that fly side by side under the same gravity have no relative acceleration, but the quotient of a
         weight and its mass is not always that gravity to the last digit.
         """
         which = which & (self.scene.quantities.registers[2] >= 0)
         if which.any() and self._noisy is None:
-            self._find_noise(now)
-        small = which & (np.abs(now.bias) <= np.fmax(_SMALL / 2.0**-53 * self.noise, self.noise))
-        if small.any() and (self._noisy[0] != now.t or (self._noisy[1] != now.x).any()):
-            self._find_noise(now)
-        zero = small & (np.abs(now.bias) <= self.noise)
-        return replace(now, bias=np.where(zero, 0.0, now.bias)) if zero.any() else now
+            self._find_noise(t, x)
+        small = which & (np.abs(bias) <= np.fmax(_SMALL / 2.0**-53 * self.noise, self.noise))
+        if small.any() and (self._noisy[0] != t or (self._noisy[1] != x).any()):
+            self._find_noise(t, x)
+        bias[small & (np.abs(bias) <= self.noise)] = 0.0
 
-    def _find_noise(self, now: Instant) -> None:
+    def _find_noise(self, t: float, x: Array) -> None:
         """Bound the rounding of the levels at an instant."""
         scene, places = self.scene, self.scene.quantities.registers[2]
         w = self._open_base.copy()
-        w[scene.plan.states] = now.x
+        w[scene.plan.states] = x
         for register, (variable, order) in zip(scene.plan.sampled.tolist(), scene.plan.samplers, strict=True):
             signal = self.signals.get(variable)
-            w[register] = 0.0 if signal is None or register in scene.push else signal.value(now.t, order)
+            w[register] = 0.0 if signal is None or register in scene.push else signal.value(t, order)
         w[scene.push] = 0.0
         found = np.zeros(len(places))
-        found[places >= 0] = scene.level_rounding(w, now.t)
-        self.noise, self._noisy = _NOISES * np.nan_to_num(found, nan=0.0, posinf=0.0), (now.t, now.x)
+        found[places >= 0] = scene.level_rounding(w, t)
+        self.noise[:], self._noisy = _NOISES * np.nan_to_num(found, nan=0.0, posinf=0.0), (t, x)
 
     def at(self, t: float, x: Array) -> Instant:
         """Return the laws' quantities at a time and state."""
-        last = self._last
-        if last is not None and last.t == t and (last.x == x).all():
-            return last
-        self._last = self._at(t, x)
-        return self._last
+        return Instant.of(t, x, self.row(t, x), self.form.count)
 
-    def _at(self, t: float, x: Array) -> Instant:
+    def row(self, t: float, x: Array) -> Array:
+        """Return them in one row, as ``lmoc_contact`` has them behind the states."""
+        last = self._last
+        if last is None or last[0] != t or not (last[1] == x).all():
+            own = self._evaluate
+            found = self._by_program(own, t, x) if isinstance(own, ByEngine) else self._found(t, x)
+            self._last = last = t, x.copy(), found
+        return last[2]
+
+    def _by_program(self, program: ByEngine, t: float, x: Array) -> Array:
+        n, m = self.form.count, len(x)
+        found, x = np.empty(n * (7 + n + 3 * m) + 1), np.ascontiguousarray(x)
+        program.sample(t)
+        library().lmoc_free_at(ctypes.byref(self._program), t, x.ctypes.data, found.ctypes.data)
+        return found
+
+    def _found(self, t: float, x: Array) -> Array:
         found, force, own = self._evaluate(t, x)
         n, present = self.form.count, self._present
         value = self.known.copy()
@@ -234,9 +239,9 @@ class ContactKinematics:
         slope[present[:2]] = own
         motion = value[:2][present[:2]]
         scale[present[:2]] = np.abs(own) @ np.abs(x) + np.abs(motion - own @ x)
-        limits = np.maximum(slip, 0.0), np.maximum(stick, 0.0)
-        stored = float(found[-1]) if self.stored else np.nan
-        return Instant(t, x, gap, rate, scale[0], scale[1], slope, bias, force[:n], force[n:], *limits, stored)
+        stored = [float(found[-1]) if self.stored else np.nan]
+        rows = gap, rate, *scale, bias, np.maximum(slip, 0.0), np.maximum(stick, 0.0)
+        return np.concatenate([*rows, force.ravel(), slope.ravel(), stored])
 
 
 def _table(form: Switched, values: Array) -> LawTable:

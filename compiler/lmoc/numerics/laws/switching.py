@@ -1,10 +1,11 @@
-"""The laws of one run on its way: the mode that holds, the functions whose roots end it, and what happens there."""
+"""The laws of one run on its way: the mode that holds, the functions whose roots end it, and what happens there.
+
+The bookkeeping is C (``engine/c/law_run.c``); here its events get their names and its refusals their words.
+"""
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,9 @@ from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import ContactKinematics, Instant
-from lmoc.numerics.laws.manifold import drift, project, resisted
-from lmoc.numerics.laws.mode import STILL, free_mode
-from lmoc.numerics.laws.mode_roots import ModeRoots
+from lmoc.numerics.laws.jenkins import Relaxed, decide, relax
+from lmoc.numerics.laws.law_run import CHATTERS, GAP_JUMPS, OVERLAPS, LawRun
 from lmoc.numerics.laws.reading import reader
-from lmoc.numerics.laws.rest import held_velocities
-from lmoc.numerics.laws.transition import Transition, Trigger, transition
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Roots
@@ -27,13 +25,10 @@ from lmoc.numerics.problem.mode import Mode
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 
-AT_ONCE = 1e-10  # s behind the start within which a law opens as the run begins
 KEPT = 1e-14  # share of its terms by which what is closed may miss zero at output times
 NEAR = 1e-10  # a mode with values below zero by more does not hold any longer where a run goes on
-ROUNDING = 1e-13  # share of the forces that hold a body by which they may miss each other
-OVERLAP = 1e-8  # a gap is negative where it is by this share of the lengths of the scene …
-_SERIES = 3  # impacts by which the end of a series is known
-OVERLAP_ROUNDING = 1e-12  # … and by more than what start values may be wrong by that are differences
+_IMPACT_LAWS = ("Newton", "Poisson")
+_NOTHING, _ACCUMULATION, _IMPACT = range(3)  # (``law_run.h``); the others are what laws themselves call it
 
 
 class LawSwitching:
@@ -43,34 +38,56 @@ class LawSwitching:
     ----------
     plan : of the reduction of a switched form
     values, base, signals : of the run, with all laws open
+    moment : s, within which laws that open and close without end are chattering
 
     Attributes
     ----------
     mode : Mode
+    run : LawRun
     """
 
-    def __init__(self, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal]) -> None:
+    def __init__(
+        self, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal], moment: float = 0.0
+    ) -> None:
         self.kinematics = ContactKinematics(plan, values, base, signals)
-        self.now: Instant | None = None  # where the present segment begins
-        self.mode = free_mode(self.kinematics.table)
-        self.touched = np.zeros(self.kinematics.form.count, bool)  # laws whose motion was zero there
-        self.forces = np.zeros(self.kinematics.form.count)  # of the laws, where the present mode has begun
-        self.idle = np.zeros(self.kinematics.form.count)  # roots in sequence at which nothing has happened to a law
-        self.rounding = np.zeros(len(plan.states))  # of the states' rates, by the forces that hold there
         self.laws = law_rows(plan.reduced.flat, self.kinematics.form.laws)
         self.reader = reader(self.kinematics)
-        self.begun = -np.inf  # s, where the first mode was found
-        self.impacts = [deque(maxlen=_SERIES) for _ in range(self.kinematics.form.count)]  # s, the latest of each law
         self.undecided: list[tuple[float, list[str]]] = []  # s, and the laws of impacts whose order would matter
-        self.let_go = Trigger.nothing(self.kinematics.form.count)  # the laws that have reached their end …
-        self.let_go_at = -np.inf  # … at this time, in s
-        self.unresolved: Array | float = 0.0  # what the integrator tells the states apart by no more
-        self.second = np.zeros(0, int)  # the laws whose forces have a lower limit as well
         self.ledger = _ledger(self.kinematics)
-        self.held = np.zeros(len(plan.states), bool)  # velocities that the closed laws keep at zero
+        self.run = LawRun(self.kinematics, self.ledger, moment)
+        self._mode: Mode = self.run.mode
         self._signals: tuple[Mode, dict[int, Signal]] | None = None
+        if (self.kinematics.table.degree == JENKINS).any():
+            self._with_springs()
 
     # ------------------------------------------------------------------ the mode as values
+
+    @property
+    def mode(self) -> Mode:
+        return self._mode
+
+    @mode.setter
+    def mode(self, mode: Mode) -> None:
+        self.run.mode = self._mode = mode
+
+    @property
+    def second(self) -> NDArray[np.int64]:
+        """The laws whose forces have a lower limit as well."""
+        return np.flatnonzero(self.mode.closed & ~self.kinematics.table.complementary)
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """(states,) velocities that the closed laws keep at zero."""
+        return self.run.held
+
+    @property
+    def rounding(self) -> Array:
+        """(states,) of their rates, by the forces that hold there."""
+        return self.run.rounding.copy()
+
+    def allow(self, unresolved: Array | float, errors: Array | float) -> None:
+        """Take what the integrator tells the states apart by no more, and what it has allowed itself in a step."""
+        self.run.unresolved[:], self.run.errors[:] = unresolved, errors
 
     def signals(self) -> dict[int, Signal]:
         """Return the values of the mode, by flat variables."""
@@ -92,20 +109,16 @@ class LawSwitching:
         t, x : where the segment begins
         base, signals : those of the segment
         """
-        evaluate = self.reader(base, signals)
-        found = ModeRoots(self.kinematics, self.mode, self.touched, self.idle)
-        self.second = found.second
-        apart = found.apart(self.now, found.values(evaluate(np.array([t]), x[None]))[0])
-        return Roots(lambda times, states: found.values(evaluate(times, states), apart), np.ones(len(apart)))
+        evaluate, run = self.reader(base, signals), self.run
+        count = run.watch(evaluate(np.array([t]), x[None])[0])
+        return Roots(lambda times, states: run.values(evaluate(times, states), count), np.ones(count))
 
     # ------------------------------------------------------------------ what stays closed
 
     @property
-    def drifting(self) -> NDArray[np.bool_]:
-        """(2, n) gaps and rates of closed laws that the integrator keeps at zero within its errors alone."""
-        closed, table = self.mode.closed, self.kinematics.table
-        gaps, rates = closed & table.unilateral & (table.degree >= 1), closed & (table.degree == 2)
-        return self.kinematics.scene.curved & np.array([gaps, rates])
+    def drifts(self) -> bool:
+        """Whether there are gaps or rates of closed laws that the integrator keeps at zero within its errors alone."""
+        return self.run.drifts
 
     def kept(self, t: float, x: Array, share: float = KEPT) -> Array:
         """Return a state moved onto what is closed: the same array where it is there, NaN where there is no way.
@@ -114,21 +127,18 @@ class LawSwitching:
         ----------
         share : of the terms of a gap, or of a rate, by which it may miss zero
         """
-        chosen, now = self.drifting, self.kinematics.at(t, x)
-        value = np.abs(np.stack([now.gap, now.rate])[chosen])
-        if (value <= share * np.stack([now.gap_scale, now.rate_scale])[chosen]).all():
-            return x
+        moved = np.array(x)
         try:
-            return project(self.kinematics, now, *chosen)
+            self.run.call("lmoc_law_keep", t, share, moved)
         except Contradiction:
             return np.full(len(x), np.nan)
+        return x if (moved == x).all() else moved
 
     # ------------------------------------------------------------------ what happens
 
     def start(self, t: float, x: Array) -> tuple[Array, list[Event]]:
         """Return the state at the start, on what is closed there, and what happened on the way."""
-        self.begun = t
-        return self._take(t, x, Trigger.nothing(len(self.mode.closed)), at_start=True)
+        return self._take("lmoc_law_start", t, x)
 
     def resume(self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]) -> tuple[Array, list[Event]]:
         """Return the state with which a run goes on in the mode in which another one has ended, as `start`.
@@ -139,210 +149,122 @@ class LawSwitching:
         ----------
         base, signals : with the mode
         """
-        self.now = now = self.kinematics.at(t, x)
-        still = np.abs(now.rate) <= STILL * now.rate_scale
-        self.touched = np.where(self.kinematics.table.unilateral, now.gap <= STILL * now.gap_scale, still)
+        self.run.call("lmoc_law_go_on", t, x, 1)
         values = self.roots(t, x, base, signals).values(np.array([t]), x[None])[0]
-        if (values >= -NEAR).all():
-            self._hold()
-            return x, []
-        return self.happen(t, x, np.zeros(len(values), bool))
+        return (x, []) if (values >= -NEAR).all() else self.happen(t, x)
 
     def go_on(self, before: LawSwitching, t: float, x: Array) -> None:
         """Take over the mode at the same place from the laws in other coordinates."""
-        self.mode, self.touched, self.begun = before.mode, before.touched, before.begun
-        self.second = np.flatnonzero(self.mode.closed & ~self.kinematics.table.complementary)
-        self.now = now = self.kinematics.at(t, x)
-        self.forces = before.forces
-        self._hold()
-        self.rounding = ROUNDING * np.abs(now.response) @ np.abs(self.forces)
+        self.mode = before.mode
+        for name in ("touched", "begun", "force"):
+            getattr(self.run, name)[:] = getattr(before.run, name)
+        self.run.call("lmoc_law_go_on", t, x, 0)
 
-    def renewed(self, base: Array) -> LawSwitching:
-        """Return the laws in the same mode with other registers that do not change between events."""
-        made = LawSwitching(self.kinematics.plan, self.kinematics.values, base, self.kinematics.signals)
-        made.mode, made.idle, made.unresolved, made.begun = self.mode, self.idle, self.unresolved, self.begun
-        made.kinematics.errors = self.kinematics.errors
-        made.let_go, made.let_go_at, made.impacts = self.let_go, self.let_go_at, self.impacts
-        made.undecided = self.undecided
-        made.second = np.flatnonzero(made.mode.closed & ~made.kinematics.table.complementary)
-        made._hold()
-        return made
+    def renew(self, base: Array) -> None:
+        """Take other registers that do not change between events."""
+        self.kinematics.renew(base)
+        self.run.call("lmoc_law_renew")
 
-    def happen(self, t: float, x: Array, which: NDArray[np.bool_], jumped: bool = False) -> tuple[Array, list[Event]]:
+    def happen(
+        self, t: float, x: Array, which: NDArray[np.bool_] | None = None, jumped: bool = False
+    ) -> tuple[Array, list[Event]]:
         """Return the state behind an instant at which root functions vanish, and what happened.
 
         Parameters
         ----------
+        which : of the root functions; None for none
         jumped : the states have been changed from outside
         """
-        closed = self.mode.closed
-        first, second = which[: len(closed)], np.zeros(len(closed), bool)
-        second[self.second] = which[len(closed) :]
-        direction = np.where(first, -1, 1)  # a force at its upper limit gives way to a motion against it
-        trigger = self._with_let_go(t, Trigger(first & ~closed, (first | second) & closed, direction, jumped))
-        # a load that grows from zero opens a law in the first instant: that is how the run begins
-        at_start = not jumped and bool(which.any()) and t - self.begun <= AT_ONCE
-        found = self._take(t, x, trigger, at_start)
-        idle = (first | second) & (closed == self.mode.closed) & (not found[1])
-        self.idle = np.where(idle, self.idle + 1, 0.0 if found[1] else self.idle)
-        return found
+        n, every = self.run.n, np.zeros(2 * self.run.n, bool)
+        if which is not None:
+            every[:n], every[n + self.second] = which[:n], which[n:]
+        return self._take("lmoc_law_happen", t, x, every, jumped)
 
-    def _with_let_go(self, t: float, trigger: Trigger) -> Trigger:
-        """Return a trigger with the laws that have opened at the same time before.
+    def look(self, t: float, x: Array) -> None:
+        """Look at the motions of the laws, before a discrete value changes."""
+        self.run.call("lmoc_law_look", t, x)
 
-        Nothing has moved since then: a friction would stick again, since its force is still within its limits up to
-        rounding.
-        """
-        if t == self.let_go_at:
-            still = self.let_go.opening & ~self.mode.closed & ~trigger.closing
-            still &= self.kinematics.table.degree != JENKINS  # whose forces have given way already
-            direction = np.where(still, self.let_go.direction, trigger.direction)
-            trigger = replace(trigger, opening=trigger.opening | still, direction=direction)
-        self.let_go, self.let_go_at = trigger, t
-        return trigger
-
-    def part(self, t: float, x: Array, past: Instant) -> bool:
-        """Return whether a discrete value changes any motion of the laws at an instant.
-
-        Parameters
-        ----------
-        past : the instant with the discrete values before
+    def part(self, t: float, x: Array) -> bool:
+        """Return whether a discrete value has changed any of them.
 
         Raises
         ------
         Stopped
             A closed gap jumps to less than zero: more than an impulse would be needed.
         """
-        now, table, closed = self.kinematics.at(t, x), self.kinematics.table, self.mode.closed
-        with np.errstate(invalid="ignore"):
-            change = np.nan_to_num(now.gap - past.gap)
-            moved = closed & table.unilateral & (np.abs(change) > OVERLAP * np.maximum(now.gap_scale, past.gap_scale))
-            turned = np.abs(now.rate - past.rate) > STILL * np.maximum(now.rate_scale, past.rate_scale)
-        for k in np.flatnonzero(moved & (change < 0))[:1].tolist():
-            reason = f"the gap of '{self.laws[k][0]}', which is closed, jumps to {now.gap[k]:.6g} at t = {t:.6g} s"
+        found = np.zeros(1, np.int32)
+        if self.run.call("lmoc_law_parts", t, x, found) == GAP_JUMPS:
+            (k,) = np.flatnonzero(self.run.laws).tolist()
+            reason = f"the gap of '{self.laws[k][0]}', which is closed, jumps to {self.run.gap(k):.6g} at t = {t:.6g} s"
             raise Stopped(Status.CONTRADICTION, f"{reason} (give a ramp of finite length instead of a step)")
-        return bool((moved | turned).any())
+        return bool(found[0])
 
     def strike(self, t: float, before: Array, x: Array) -> Array:
         """Return states that a step has moved, with the impulses of closed laws that keep them closed.
 
         What steps does so ever faster, and what is closed does not bounce on that way: the impact is plastic.
         """
-        now = self.kinematics.at(t, x)
-        if (x == before).all():
-            return now.x
-        return resisted(self.kinematics, now, self.mode.closed & ~self._apart_from(now))
+        moved = np.array(x)
+        self.run.call("lmoc_law_strike", t, np.ascontiguousarray(before), moved)
+        return moved
 
-    def names(self, which: NDArray[np.bool_]) -> list[str]:
-        """Return the names of the parts whose root functions have vanished."""
-        rows = np.concatenate([np.arange(len(self.laws)), self.second])[which]
-        return list(dict.fromkeys(self.laws[k][0] for k in rows.tolist()))
+    def _names(self, which: NDArray[np.bool_]) -> str:
+        return ", ".join(dict.fromkeys(self.laws[k][0] for k in np.flatnonzero(which).tolist()))
 
-    def _take(self, t: float, x: Array, trigger: Trigger, at_start: bool = False) -> tuple[Array, list[Event]]:
-        before = self.mode
-        self._refuse_overlaps(t, x, trigger)
-        kept = before.without(self._apart_from(self.kinematics.at(t, x))) if trigger.jumped else before
+    def _take(self, name: str, t: float, x: Array, *arguments: object) -> tuple[Array, list[Event]]:
+        moved, run = np.array(x), self.run
+        run.time = t
         try:
-            found = transition(self.kinematics, t, x, kept, trigger, self.unresolved)
+            status = run.call(name, t, moved, *arguments)
         except Contradiction as contradiction:
-            names = list(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
-            reason = f"the laws of {', '.join(names)} contradict each other at t = {t:.6g} s: {contradiction}"
+            names = ", ".join(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
+            reason = f"the laws of {names} contradict each other at t = {t:.6g} s: {contradiction}"
             raise Stopped(Status.CONTRADICTION, reason) from None
-        if found.undecided.any():
-            self.undecided.append((t, [self.laws[k][0] for k in np.flatnonzero(found.undecided).tolist()]))
-        for k in found.impulse.nonzero()[0].tolist():
-            self.impacts[k].append(t)
-        self.mode, self.now, self.touched = found.mode, found.now, found.touched
-        self.forces = found.settled.force
-        self.rounding = ROUNDING * np.abs(found.now.response) @ np.abs(self.forces)
-        self._hold()
-        x = np.where(self.held, 0.0, found.x)
-        if self.ledger is not None and (found.impulse.any() or found.lost.any()):
-            work, heat = self.ledger
-            lost = float(found.lost.sum())
-            x[heat] += lost
-            x[work] += lost + found.now.stored - found.before.stored
-        return x, self._events(t, before, found, at_start)
-
-    def _hold(self) -> None:
-        self.held = held_velocities(self.kinematics.rate_forms[self.mode.closed])
-
-    def _allowed(self, now: Instant) -> Array:
-        """Return by what gaps may miss zero, or overlap."""
-        own = self.kinematics.table.unilateral & (self.kinematics.table.degree >= 1)
-        share = OVERLAP * now.gap_scale[own].max(initial=0.0) + OVERLAP_ROUNDING
-        if not self.mode.closed.any():
-            return np.full(len(own), share)
-        return np.maximum(share, np.where(self.mode.closed, drift(self.kinematics, now.slope[0]), 0.0))
-
-    def _apart_from(self, now: Instant) -> NDArray[np.bool_]:
-        """Return the closed laws whose gaps are no longer zero: a jump of the states, or of an input, opens them."""
-        table = self.kinematics.table
-        with np.errstate(invalid="ignore"):
-            return self.mode.closed & table.unilateral & (table.degree >= 1) & (now.gap > self._allowed(now))
-
-    def _refuse_overlaps(self, t: float, x: Array, trigger: Trigger) -> None:
-        """Raise `Stopped` where a gap is negative that no motion has closed: start values or a jump have put it there.
-
-        States that are moved back onto a gap of zero would differ from those requested.
-        """
-        table, now = self.kinematics.table, self.kinematics.at(t, x)
-        own = table.unilateral & (table.degree >= 1)
-        if not own.any():
-            return
-        moved = own if trigger.jumped else own & ~self.mode.closed
-        with np.errstate(invalid="ignore"):
-            wrong = moved & ~trigger.closing & (now.gap < -self._allowed(now))
-        for k in wrong.nonzero()[0][:1].tolist():
-            reason = f"the gap of '{self.laws[k][0]}' is negative, {now.gap[k]:.6g}, at t = {t:.6g} s"
+        if status == OVERLAPS:
+            (k,) = np.flatnonzero(run.laws).tolist()
+            reason = f"the gap of '{self.laws[k][0]}' is negative, {run.gap(k):.6g}, at t = {t:.6g} s"
             raise Stopped(Status.CONTRADICTION, reason)
+        if status == CHATTERS:
+            names = self._names(run.laws)
+            raise Stopped(Status.CHATTERING, f"the laws of {names} open and close without end at t = {t:.6g} s")
+        if run.undecided.any():
+            self.undecided.append((t, [self.laws[k][0] for k in np.flatnonzero(run.undecided).tolist()]))
+        self._mode = run.mode
+        return moved, self._events()
 
-    def _events(self, t: float, before: Mode, found: Transition, at_start: bool) -> list[Event]:
-        events = []
-        was_held, is_held = before.shown, found.mode.shown
-        passing = was_held & is_held & ~found.accumulated & (found.impulse != 0.0)
-        passed = tuple((self.laws[k][0], float(found.impulse[k])) for k in passing.nonzero()[0].tolist())
-        alone = not (found.impulse[~passing] != 0.0).any()  # nobody else has been hit: they are the impact
-        for k, (name, laws) in enumerate(self.laws):
-            was, now = was_held[k], is_held[k]
-            turned = before.direction[k] * found.mode.direction[k] < 0
-            kind = laws.closing if now else laws.opening
-            if found.accumulated[k]:
-                kind = "accumulation"
-            elif was == now and not turned:
-                if not found.impulse[k] or (was and now and not alone):
-                    continue
-                kind = "impact"
-            elif at_start and not found.impulse[k]:
-                continue  # how it begins is no event
-            time = self._end_of_bounces(k, t, found.until) if found.accumulated[k] else t
+    def _events(self) -> list[Event]:
+        run, events = self.run, []
+        passed = tuple((self.laws[k][0], float(run.impulse[k])) for k in run.passing.nonzero()[0].tolist())
+        for k in run.kind.nonzero()[0].tolist():
+            name, laws = self.laws[k]
+            was, now, impulse = bool(run.was[k]), bool(run.is_[k]), float(run.impulse[k])
+            own = {_ACCUMULATION: "accumulation", _IMPACT: "impact"}.get(run.kind[k])
             events.append(
                 Event(
-                    time,
+                    float(run.when[k]),
                     name,
-                    kind,
+                    own or (laws.closing if now else laws.opening),
                     mode_word(laws, was),
                     mode_word(laws, now),
-                    float(found.impulse[k]),
-                    float(found.lost[k]),
-                    f"{found.impact_law}'s law" if found.impulse[k] else "",
-                    passed if found.impulse[k] and not alone else (),
+                    impulse,
+                    float(run.lost[k]),
+                    f"{_IMPACT_LAWS[run.data.law]}'s law" if impulse else "",
+                    passed if impulse else (),
                 )
             )
         return events
 
+    def _with_springs(self) -> None:
+        """Have friction between springs give way and decide."""
+        kept: list[Relaxed] = []
 
-    def _end_of_bounces(self, law: int, t: float, until: float) -> float:
-        """Return when the bounces of a law are over that ends them now.
+        def give_way(now: Instant) -> tuple[Array, Array]:
+            run = self.run
+            before = Mode(run.is_.copy(), run.direction.copy(), run.implied & run.is_, run.push.copy())
+            kept[:] = [relax(self.kinematics, now, before, run.opening, run.turning)]
+            return kept[0].now.x, kept[0].lost
 
-        Without loss of its own they do so with those of others, ever faster: the times between them are a geometric
-        series (Aitken's extrapolation).
-        """
-        times = self.impacts[law]
-        if not self.kinematics.table.lossless[law] or len(times) < _SERIES:
-            return max(t, until)
-        first, second = np.diff(times).tolist()
-        return t + second**2 / (first - second) if 0.0 < second < first else t
+        self.run.springs(give_way, lambda now, mode: decide(self.kinematics, kept[0].behind(now), mode))
 
 
 def all_open(form: Switched) -> dict[int, Signal]:

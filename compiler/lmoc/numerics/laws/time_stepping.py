@@ -24,7 +24,6 @@ from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.laws.complementarity import FREE, LOWER, Array, NoSolution, Sides, solve
 from lmoc.numerics.laws.instant import ContactKinematics, Instant, Mask
-from lmoc.numerics.laws.mode import STILL
 from lmoc.numerics.limits import LOOK
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.readout import readout_of
@@ -43,6 +42,7 @@ PROPERTIES = Properties(
 )  # fmt: skip
 
 THETA = 0.5
+STILL = 1e-11  # rates below this share of the velocities that make them are zero (``LMOC_STILL``)
 _GENERIC = 2  # other points at which the effect of the forces is compared, to see whether it is constant
 _SAME = 1e-12  # what it may differ by there
 

@@ -1,4 +1,4 @@
-// Velocities that the closed laws of a mode hold at zero, as `numerics/laws/rest.py`, which says why.
+// Velocities that the closed laws of a mode hold at zero, as `engine/c/manifold.c`, which says why.
 
 import { filled, largest } from "./matrix.js";
 

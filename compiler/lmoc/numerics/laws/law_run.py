@@ -1,0 +1,264 @@
+"""The laws of one run as the engine keeps them (``engine/c/law_run.c``): their memory, and who is asked."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lmoc.engine.answers import Answers, doubles
+from lmoc.engine.library import address, library
+from lmoc.numerics.laws.complementarity import NO_SOLUTION, Array
+from lmoc.numerics.laws.contradiction import Contradiction
+from lmoc.numerics.laws.instant import ContactKinematics, Instant, Laws, Mask
+from lmoc.numerics.problem.mode import Mode
+
+OVERLAPS, GAP_JUMPS, CHATTERS = 5, 6, 7  # what else a call may come to, (``law_run.h``)
+_NO_MEMORY = -1
+_REASONS = {NO_SOLUTION: "no forces keep them", 3: "no states nearby satisfy them", 4: "no impulses keep them"}
+_PLACE, _TIME, _COUNT = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
+_AT = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE, _PLACE)
+_EXACT = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE, _PLACE, _PLACE)
+_RELAX = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _PLACE, _PLACE, _PLACE)
+_DECIDE = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _PLACE)
+
+
+def _places(*names: str) -> list[tuple[str, Any]]:
+    return [(name, _PLACE) for name in names]
+
+
+class _Kinematics(ctypes.Structure):
+    """``lmoc_kinematics``."""
+
+    _fields_ = [
+        ("laws", Laws),
+        ("states", _COUNT),
+        *_places("unilateral", "ledger", "restitution", "errors", "unresolved", "owner"),
+        *_places("at", "exact", "relax", "decide"),
+    ]
+
+
+class _Contact(ctypes.Structure):
+    """``lmoc_contact``."""
+
+    _fields_ = [
+        ("time", _TIME),
+        *_places("x", "gap", "rate", "gap_scale", "rate_scale", "bias", "slip", "stick"),
+        *_places("delassus", "response", "slope", "stored"),
+    ]
+
+
+class _Settled(ctypes.Structure):
+    """``lmoc_settled``."""
+
+    _fields_ = _places("closed", "implied", "unique", "laws", "direction", "push", "force", "level")
+
+
+class _LawRun(ctypes.Structure):
+    """``lmoc_law_run``."""
+
+    _fields_ = [
+        ("k", _Kinematics),
+        *_places("curved", "linear", "position", "limits", "noise"),
+        ("work", _COUNT),
+        ("heat", _COUNT),
+        ("moment", _TIME),
+        *_places("times", "direction", "push", "force", "idle", "rounding", "forms", "impacts", "changes", "apart"),
+        *_places("turning", "opening", "closing", "closed", "implied", "touched", "held"),
+        *_places("kind", "when", "impulse", "lost", "level"),
+        *_places("was", "is_", "passing", "accumulated", "undecided", "laws"),
+        ("until", _TIME),
+        ("law", _COUNT),
+        ("some", _COUNT),
+        ("now", _Contact),
+        ("past", _Contact),
+        ("spare", _Contact),
+        ("next", _Settled),
+        ("root", _PLACE),
+    ]
+
+
+_NUMBERS = ("push", "force", "idle", "when", "impulse", "lost", "level")
+_COUNTS = ("direction", "turning", "kind")
+_FLAGS = (
+    "opening", "closing", "closed", "implied", "touched", "was", "is_", "passing", "accumulated", "undecided", "laws",
+)  # fmt: skip
+
+
+class LawRun:
+    """The state of the laws of one run.
+
+    Attributes
+    ----------
+    data : what C works on
+    time : s, of the instant that is decided
+    push, closed, … : arrays as of ``lmoc_law_run``; what C and Python write is the same memory
+    errors, unresolved : (states,) what the integrator allows itself in a step, and what it tells apart by no more
+
+    Parameters
+    ----------
+    ledger : the states that are work and heat; None where there are none
+    moment : s, within which laws chatter
+    """
+
+    push: Array
+    force: Array
+    impulse: Array
+    lost: Array
+    level: Array
+    when: Array
+    direction: NDArray[np.int64]
+    turning: NDArray[np.int64]
+    kind: NDArray[np.int64]
+    closed: Mask
+    implied: Mask
+    touched: Mask
+    opening: Mask
+    was: Mask
+    is_: Mask
+    passing: Mask
+    accumulated: Mask
+    undecided: Mask
+    laws: Mask
+
+    def __init__(self, kinematics: ContactKinematics, ledger: tuple[int, int] | None, moment: float) -> None:
+        self.kinematics, self.time = kinematics, 0.0
+        self._answers = Answers(_NO_MEMORY)
+        self.n, self.states = len(kinematics.table.kind), len(kinematics.plan.states)
+        self.errors, self.unresolved = np.zeros((2, self.states))
+        self.data = self._laid_out(ledger or (-1, -1), moment)
+        self.reference = ctypes.byref(self.data)
+        self._memory = np.zeros(library().lmoc_law_place(self.reference, None))
+        library().lmoc_law_place(self.reference, self._memory.ctypes.data)
+        library().lmoc_law_open(self.reference)
+        for names, kind in ((_NUMBERS, float), (_COUNTS, np.int64), (_FLAGS, bool)):
+            for name in names:
+                setattr(self, name, self._view(getattr(self.data, name), self.n, kind))
+        self.rounding = self._view(self.data.rounding, self.states, float)
+        self.held = self._view(self.data.held, self.states, bool)
+        self.begun = self._view(self.data.times, 1, float)
+        self.call("lmoc_law_renew")
+
+    def _laid_out(self, ledger: tuple[int, int], moment: float) -> _LawRun:
+        kinematics, table = self.kinematics, self.kinematics.table
+        flags = kinematics.plan.ledger, kinematics.scene.curved, kinematics.scene.linear[1], kinematics.plan.held < 0
+        ledger_states, *masks = (np.ascontiguousarray(v, bool) for v in flags)
+        limits = np.ascontiguousarray(kinematics.known[4])
+        in_c = kinematics.in_c
+        at = None if in_c is not None else _AT(self._values)
+        exact = _EXACT(self._without_rounding)
+        self._kept: list[object] = [ledger_states, masks, limits, in_c, at, exact]
+        asked = address("lmoc_free_at") if at is None else ctypes.cast(at, _PLACE).value
+        owner = None if in_c is None else ctypes.addressof(in_c)
+        given = (table.unilateral, ledger_states, table.restitution, self.errors, self.unresolved)
+        own = _Kinematics(
+            table.in_c, self.states, *(a.ctypes.data for a in given), owner, asked, ctypes.cast(exact, _PLACE).value
+        )
+        return _LawRun(own, *(a.ctypes.data for a in (*masks, limits, kinematics.noise)), *ledger, moment)
+
+    def _view(self, place: int | None, count: int, kind: type) -> NDArray[Any]:
+        size = count * np.dtype(kind).itemsize
+        if not size or place is None:
+            return np.zeros(0, kind)
+        return np.frombuffer((ctypes.c_char * size).from_address(place), kind)
+
+    # ------------------------------------------------------------------ the mode
+
+    @property
+    def mode(self) -> Mode:
+        """The mode that holds."""
+        return Mode(self.closed.copy(), self.direction.copy(), self.implied.copy(), self.push.copy())
+
+    @mode.setter
+    def mode(self, mode: Mode) -> None:
+        for name in ("closed", "direction", "implied", "push"):
+            getattr(self, name)[:] = getattr(mode, name)
+
+    def gap(self, law: int) -> float:
+        """Return the gap that has been looked at last."""
+        return float(self._view(self.data.spare.gap, self.n, float)[law])
+
+    # ------------------------------------------------------------------ calls
+
+    def call(self, name: str, *arguments: Any) -> int:
+        """Call a function; the status is 0 or one of those above.
+
+        Raises
+        ------
+        Contradiction
+        """
+        given = [a.ctypes.data if isinstance(a, np.ndarray) else a for a in arguments]
+        status: int = self._answers.judge(getattr(library(), name)(self.reference, *given))
+        if status in _REASONS:
+            raise Contradiction(np.flatnonzero(self.laws), _REASONS[status])
+        return status
+
+    @property
+    def drifts(self) -> bool:
+        """Whether something is closed that integrators keep so within their errors alone."""
+        return bool(library().lmoc_law_drifts(self.reference))
+
+    def watch(self, read: Array) -> int:
+        """Begin a segment where the quantities of the roots, (4 laws), are these; return how many roots there are."""
+        library().lmoc_law_watch(self.reference, np.ascontiguousarray(read).ctypes.data)
+        return self.n + int((self.closed & ~self.kinematics.table.complementary).sum())
+
+    def values(self, read: Array, count: int) -> Array:
+        """Return the root functions, (k, count), from their quantities at some places, (k, 4 laws)."""
+        read, found = np.ascontiguousarray(read), np.empty((len(read), count))
+        library().lmoc_law_values(self.reference, len(read), read.ctypes.data, found.ctypes.data)
+        return found
+
+    # ------------------------------------------------------------------ answers
+
+    def springs(self, relax: Callable[[Instant], tuple[Array, Array]], decide: Callable[[Instant, Mode], Mode]) -> None:
+        """Have Jenkins friction decided, too.
+
+        Parameters
+        ----------
+        relax : returns the states behind what gives way, and the energy (laws,) that it costs
+        decide : returns the mode with what it does in it
+        """
+
+        def relaxed(_: int, x: int, moved: int, lost: int) -> int:
+            def work() -> None:
+                states, energy = relax(self._instant(x))
+                doubles(moved, self.states)[:] = states
+                doubles(lost, self.n)[:] += energy
+
+            return self._answers.answer(work)
+
+        def decided(_: int, x: int) -> int:
+            def work() -> None:
+                own = self.data.next
+                kinds = {"closed": bool, "direction": np.int64, "implied": bool, "push": float}
+                views = {name: self._view(getattr(own, name), self.n, kind) for name, kind in kinds.items()}
+                found = decide(self._instant(x), Mode(**{name: v.copy() for name, v in views.items()}))
+                for name, view in views.items():
+                    view[:] = getattr(found, name)
+
+            return self._answers.answer(work)
+
+        hooks = _RELAX(relaxed), _DECIDE(decided)
+        self._kept.append(hooks)
+        self.data.k.relax, self.data.k.decide = (ctypes.cast(h, _PLACE).value for h in hooks)
+
+    def _instant(self, x: int) -> Instant:
+        return self.kinematics.at(self.time, doubles(x, self.states).copy())
+
+    def _values(self, _: int, t: float, x: int, found: int) -> int:
+        def work() -> None:
+            row = self.kinematics.row(t, doubles(x, self.states).copy())
+            doubles(found, len(row))[:] = row
+
+        return self._answers.answer(work)
+
+    def _without_rounding(self, _: int, t: float, x: int, which: int, bias: int) -> int:
+        def work() -> None:
+            own = np.frombuffer((ctypes.c_bool * self.n).from_address(which), bool)
+            self.kinematics.without_rounding(t, doubles(x, self.states).copy(), own, doubles(bias, self.n))
+
+        return self._answers.answer(work)
