@@ -248,6 +248,7 @@ def test_a_function_for_an_input_that_returns_no_number(solver):
         (([0, 1e-300], [0, 1]), "E0625", "too close together"),
         (([0, 1], [1]), "E0521", "not understood"),
         (np.ones((3, 3)), "E0521", "not understood"),
+        (float("nan"), "E0521", "not finite"),
     ],
 )
 def test_tables_that_cannot_be_used(table, code, words):

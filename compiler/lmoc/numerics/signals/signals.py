@@ -206,7 +206,10 @@ def make_signal(given: object, flat: FlatDAE, name: str, report: Report) -> Sign
     if isinstance(given, Expr):
         return Formula(given)
     if isinstance(given, bool | int | float | np.number) or (isinstance(given, np.ndarray) and given.shape == ()):
-        return Constant(float(given))
+        if np.isfinite(float(given)):
+            return Constant(float(given))
+        report.error("E0521", f"the signal for input '{name}' is not finite", expected="a number", found=f"{given}")
+        return None
     from lmoc.numerics.signals.table_files import is_file, read_table, table_of_frame
 
     if isinstance(given, str) and not is_file(given):
