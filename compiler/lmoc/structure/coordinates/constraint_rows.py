@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
 
 from lmoc.expression.calculus import differentiate
+from lmoc.expression.dag import slots
 from lmoc.expression.evaluate import evaluate_together
 from lmoc.structure.coordinates.initial_rows import InitialRows
 from lmoc.structure.index.dulmage_mendelsohn import components
@@ -16,6 +17,8 @@ from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.loops.sample import Sample
 from lmoc.structure.loops.smallest import DAMPING, multipliers
 from lmoc.support.distinct import distinct
+
+_Columns = dict[tuple[int, int], np.ndarray]  # of slots of a shape: their columns and orders
 
 
 class ConstraintRows:
@@ -142,7 +145,7 @@ class ConstraintRows:
         return weight * np.bincount(self.column, entry * multiplier[self.row], len(self.jets))
 
     @cached_property
-    def _places(self) -> list[dict[tuple[int, int], np.ndarray]]:
+    def _places(self) -> list[_Columns]:
         """For each part the positions among the jets of its unknown leaves."""
         width = self.sample.value.shape[1]
         return [
@@ -153,22 +156,24 @@ class ConstraintRows:
             for part, _ in self._parts
         ]
 
+    @cached_property
+    def _known(self) -> list[_Columns]:
+        """For each part the values of its other leaves, which stay as in the sample."""
+        at, known = self.sample.value, []
+        for (part, _), places in zip(self._parts, self._places, strict=True):
+            others = [leaf.value for leaf in slots(part.shape) if leaf.value not in places]
+            known.append({(k, order): at[order, part.slots[:, k]] for k, order in others})
+        return known
+
     def _assembled(self, values: np.ndarray, entries: bool) -> tuple[np.ndarray, np.ndarray]:
-        at, time = self.sample.value, self.sample.time
-        shape = values.shape[:-1]
+        time, shape = self.sample.time, values.shape[:-1]
         residual, found, first = np.zeros((*shape, self.count)), [np.zeros((*shape, 0))], 0
-        for (part, partials), places in zip(self._parts, self._places, strict=True):
+        for (part, partials), places, known in zip(self._parts, self._places, self._known, strict=True):
             n = len(part.row)
 
-            def column(
-                k: int,
-                order: int,
-                part: EquationBatch = part,
-                places: Mapping[tuple[int, int], np.ndarray] = places,
-            ) -> np.ndarray:
+            def column(k: int, order: int, places: _Columns = places, known: _Columns = known) -> np.ndarray:
                 place = places.get((k, order))
-                found: np.ndarray = at[order, part.slots[:, k]] if place is None else values[..., place]
-                return found
+                return known[k, order] if place is None else values[..., place]
 
             value, *slopes = evaluate_together((part.shape, *(partials if entries else ())), column, time)
             residual[..., first : first + n] = value

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from lmoc.expression.calculus import differentiate
 from lmoc.expression.dag import Expr, const, function, slot, sub
-from lmoc.expression.evaluate import evaluate
+from lmoc.expression.evaluate import evaluate, evaluate_together
 from lmoc.ir.flat import Block, Check, FlatDAE
 from lmoc.ir.normalized import JetGroup, Normalized
 from lmoc.ir.reduced import Guard
@@ -261,13 +261,13 @@ class _Component:
         """Return {equation: those it follows from}, and the values of the jets at the start and beside it."""
         begin = self.start.value.flat[self.jets]
         every = np.arange(len(self.source))
-        first = nearest(begin, self.ease, lambda values: (self._residual(values), self._jacobian(values)))
+        first = nearest(begin, self.ease, self._linearized)
         if first is None or not self._vanishing(first, every):
             return {}, begin, begin
         place = self._closed(self._aside(first, every, 1), every)
         if place is None:
             return {}, first, first
-        kept, _ = _independent(self._jacobian(place), SUSPECT)
+        kept, _ = _independent(self._linearized(place)[1], SUSPECT)
         if len(kept) == len(every):
             return {}, first, place
         rest = np.setdiff1d(every, kept)
@@ -275,7 +275,7 @@ class _Component:
         points = [p for p in tried if p is not None and self._vanishing(p, rest)]
         if len(points) < len(tried):
             return {}, first, place
-        again, weights = _independent(self._jacobian(points[0]), DEPENDENT)
+        again, weights = _independent(self._linearized(points[0])[1], DEPENDENT)
         if len(again) != len(kept):
             return {}, first, place
         rest = np.setdiff1d(every, again)
@@ -286,39 +286,60 @@ class _Component:
         """A point beside another one, in a direction that some of the constraints allow but no special one."""
         scale = np.sqrt(np.mean(values**2)) or 1.0
         direction = spread(len(values), turns) - 0.5
-        return values + ASIDE * scale * projected(self._jacobian(values)[rows], direction, SUSPECT)
+        return values + ASIDE * scale * projected(self._linearized(values)[1][rows], direction, SUSPECT)
 
     def _closed(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray | None:
         """The point that satisfies some of the constraints, reached by the smallest steps; None where they diverge."""
-        found = closed(values, 1.0, lambda at: (self._residual(at)[rows], self._jacobian(at)[rows]))
+        found = closed(values, 1.0, lambda at: tuple(part[rows] for part in self._linearized(at)))
         return found if found is not None and self._vanishing(found, rows) else None
 
     def sizes(self, values: np.ndarray) -> np.ndarray:
         """(rows,) what the terms of each constraint sum up to."""
+        return self._sizes(self._linearized(values)[1], values)
+
+    def _sizes(self, jacobian: np.ndarray, values: np.ndarray) -> np.ndarray:
         ordinary = max(float(np.mean(v**2)) for v in (values, self.start.value.flat[self.jets])) ** 0.5
-        result: np.ndarray = np.abs(self._jacobian(values)) @ np.maximum(np.abs(values), ordinary)
+        result: np.ndarray = np.abs(jacobian) @ np.maximum(np.abs(values), ordinary)
         return result
 
     def _vanishing(self, values: np.ndarray, rows: np.ndarray) -> bool:
-        return bool((np.abs(self._residual(values))[rows] <= FOLLOWS * self.sizes(values)[rows]).all())
+        residual, jacobian = self._linearized(values)
+        return bool((np.abs(residual)[rows] <= FOLLOWS * self._sizes(jacobian, values)[rows]).all())
 
-    def _sample(self, values: np.ndarray) -> np.ndarray:
+    def _linearized(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the residuals (rows,) and their Jacobian (rows, columns)."""
         value = self.start.value.copy()
         value.flat[self.jets] = values
-        return value
+        residual, (places, entries) = np.zeros(len(self.source)), self._entries
+        entries = entries.copy()
+        for (g, numbers, _, _), (slopes, own) in zip(self.parts, self._changing, strict=True):
+            found = evaluate_together((g.shape, *slopes), partial(_jets, value, g), self.start.time)
+            residual[numbers] = found[0]
+            for where, slope in zip(own, found[1:], strict=True):
+                entries[where] = slope
+        jacobian = np.zeros(len(self.source) * len(self.jets))
+        np.add.at(jacobian, places, entries)
+        return residual, jacobian.reshape(len(self.source), -1)
 
-    def _residual(self, values: np.ndarray) -> np.ndarray:
-        value, result = self._sample(values), np.zeros(len(self.source))
-        for g, numbers, _, _ in self.parts:
-            result[numbers] = evaluate(g.shape, partial(_jets, value, g), self.start.time)
-        return result
-
-    def _jacobian(self, values: np.ndarray) -> np.ndarray:
-        value, result = self._sample(values), np.zeros((len(self.source), len(self.jets)))
+    @cached_property
+    def _entries(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places in the flattened Jacobian, and the values of its entries where the scene starts."""
+        places, entries = [np.zeros(0, np.int64)], [np.zeros(0)]
         for g, numbers, columns, partials in self.parts:
-            for column, slope in zip(columns, partials, strict=True):
-                entry = evaluate(slope, partial(_jets, value, g), self.start.time)
-                np.add.at(result, (numbers, column), entry)
+            slopes = evaluate_together(partials, partial(_jets, self.start.value, g), self.start.time)
+            places += [numbers * len(self.jets) + column for column in columns]
+            entries += [np.broadcast_to(slope, len(numbers)) for slope in slopes]
+        return np.concatenate(places), np.concatenate(entries)
+
+    @cached_property
+    def _changing(self) -> list[tuple[list[Expr], list[slice]]]:
+        """Of each part the partial derivatives that change with the jets, and where their entries stand."""
+        result, first = [], 0
+        for g, numbers, _, partials in self.parts:
+            changing = [k for k, p in enumerate(partials) if leaves_of(p, g.kinds, UNKNOWN)]
+            starts = [first + k * len(numbers) for k in changing]
+            result.append(([partials[k] for k in changing], [slice(at, at + len(numbers)) for at in starts]))
+            first += len(partials) * len(numbers)
         return result
 
 
