@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.run.text import LoweredText
     from lmoc.sources.opened import Named
     from lmoc.sources.packages import Folder
+    from lmoc.structure.coordinates.shared import Shared
     from lmoc.syntax import tree
 
 
@@ -144,8 +145,10 @@ def flatten(scene: Scene, clock: Clock) -> FlatDAE:
     return flat
 
 
-def reduce(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, clock: Clock) -> Reduced:
-    """The reduced system for a set of parameter values."""
+def reduce(
+    flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, clock: Clock, shared: Shared | None = None
+) -> Reduced:
+    """The reduced system for a set of parameter values; `shared` as of `structure.reduce.reduce`."""
     with clock.stage("reduce"):
         from lmoc.semantics.parameter_checks import warn_of_lost
         from lmoc.structure.laws.reduce import reduce_with_laws
@@ -153,7 +156,7 @@ def reduce(flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None, cloc
         # what was warned about before may be the reason why this fails: a part that is connected to nothing
         report = Report([d for d in flat.notes if d.severity == "warning"])
         warn_of_lost(flat, values, report)
-        reduced = reduce_with_laws(flat, values, states, report)
+        reduced = reduce_with_laws(flat, values, states, report, shared)
         report.check()
     return reduced
 

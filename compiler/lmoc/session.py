@@ -21,6 +21,7 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, Subject
 from lmoc.parameters import Value, indexed, starting_at
 from lmoc.pipeline import Clock, Scene
 from lmoc.semantics.parameter_checks import check_parameters
+from lmoc.structure.coordinates.shared import Shared
 
 if TYPE_CHECKING:
     from lmoc.numerics.observe.trajectory import Trajectory
@@ -64,7 +65,8 @@ class Session:
     def __init__(self, scene: Scene, flat: FlatDAE, clock: Clock, reduced: Reduced | None = None) -> None:
         self.scene, self.flat = scene, flat
         self.values = flat.parameter_values(indexed(flat, flat.overrides))
-        self.reduced: Reduced = reduced or pipeline.reduce(flat, self.values, scene.states, clock)
+        self._shared = Shared()
+        self.reduced: Reduced = reduced or pipeline.reduce(flat, self.values, scene.states, clock, self._shared)
         self._reductions: dict[tuple, list[Reduced | None]] = {_MODEL: [self.reduced]}  # by coordinates
         self._formulated: dict[tuple[int, float], tuple[Reduced, Reduced]] = {}  # by identity of the first, and gain
         self._starts: dict[tuple, Reduced] = {}  # for starts at which the preferred coordinates do not serve
@@ -189,7 +191,7 @@ class Session:
         kept = self._reductions.setdefault(states, [])
         found = next((r for r in kept if r is not None and r.broken_guard(values) is None), None)
         if found is None:
-            found = pipeline.reduce(self.flat, values, states or self.scene.states, clock)
+            found = pipeline.reduce(self.flat, values, states or self.scene.states, clock, self._shared)
             kept.append(found)
         return found
 
@@ -317,7 +319,7 @@ class Session:
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what belongs to this process: the solvers' functions are made again when needed."""
         kept = {name: value for name, value in self.__dict__.items() if name != "_busy"}
-        return kept | {"_simulators": {}, "_formulated": {}}
+        return kept | {"_simulators": {}, "_formulated": {}, "_shared": Shared()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state | {"_busy": Lock()}

@@ -28,6 +28,7 @@ from lmoc.structure.coordinates.coordinates import determined_at_start
 from lmoc.structure.coordinates.invariants import invariants
 from lmoc.structure.coordinates.mobility import immobile
 from lmoc.structure.coordinates.selection import Selection, select
+from lmoc.structure.coordinates.shared import Shared
 from lmoc.structure.coordinates.start_guess import block_unknowns, guess_at, guess_of
 from lmoc.structure.discrete.order import discrete_steps
 from lmoc.structure.index.sigma import highest_value_transversal
@@ -46,6 +47,7 @@ def reduce(
     states: Sequence[str] | None = None,
     report: Report | None = None,
     loops: bool = False,
+    shared: Shared | None = None,
 ) -> Reduced:
     """Reduce a flat model.
 
@@ -56,6 +58,7 @@ def reduce(
     states : names of variables that shall be states, best first
     report : collects what there is to say; a new one by default
     loops : make all coordinates of closed loops states, and keep their closures as invariants
+    shared : what earlier reductions of this model have found
 
     Raises
     ------
@@ -69,13 +72,17 @@ def reduce(
     values = flat.parameter_values() if values is None else values
     if flat.laws and flat.closed is None:
         raise ValueError("a flat model with laws is reduced by structure.laws.reduce, or in one of its modes")
-    discrete = discrete_steps(flat, report)
-    normalized = checked(without_dependent(checked(normalize(flat, values, states, report))))
-    return checked(replace(assemble(solve_structure(normalized, states, report, loops)), discrete=discrete))
+    discrete, shared = discrete_steps(flat, report), shared or Shared()
+    normalized = checked(shared.completed(checked(normalize(flat, values, states, report)), without_dependent))
+    return checked(replace(assemble(solve_structure(normalized, states, report, loops, shared)), discrete=discrete))
 
 
 def solve_structure(
-    normalized: Normalized, states: Sequence[str] | None, report: Report, loops: bool = False
+    normalized: Normalized,
+    states: Sequence[str] | None,
+    report: Report,
+    loops: bool = False,
+    shared: Shared | None = None,
 ) -> Solved:
     """Choose the states and solve the equations for everything else. Parameters and errors as of `reduce`."""
     system = EquationSystem(normalized)
@@ -84,7 +91,7 @@ def solve_structure(
         diagnosis.structurally_singular(system, report)
         raise ModelError(report.diagnostics)
     wanted = preferences.asked_for(system, states)
-    selection = select(system, match, wanted)
+    selection = select(system, match, wanted, None if shared is None else shared.starts)
     if not isinstance(selection, Selection):
         diagnosis.dependent_constraints(system, selection.jacobian(), selection.choice.singular, report)
         raise ModelError(report.diagnostics)

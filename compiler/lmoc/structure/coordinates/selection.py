@@ -20,6 +20,8 @@ from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
 from lmoc.support.records import dataclass
 
+Starts = dict[tuple[bytes, int], StartPoint]  # by how often equations are differentiated, and the orders of derivatives
+
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
@@ -121,7 +123,9 @@ class Selection(Candidate):
         return found
 
 
-def select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray) -> Selection | Candidate:
+def select(
+    system: EquationSystem, match: np.ndarray, wanted: np.ndarray, starts: Starts | None = None
+) -> Selection | Candidate:
     """Choose the states; a mere candidate is singular.
 
     Between massless points on dampers the distance may be all that matters: it is tried in their place, and taken
@@ -131,23 +135,28 @@ def select(system: EquationSystem, match: np.ndarray, wanted: np.ndarray) -> Sel
     ----------
     match : a highest-value transversal
     wanted : columns the user requested, best first
+    starts : where the scene starts, as far as that has been found already
     """
-    first = _select(system, match, wanted, np.zeros(0, np.int64))
+    starts = {} if starts is None else starts
+    first = _select(system, match, wanted, np.zeros(0, np.int64), starts)
     if not isinstance(first, Selection):
         return first
     distances = preferences.distances(system, first.c, first.d)
     if not len(distances):
         return first
-    second = _select(system, match, wanted, distances)
+    second = _select(system, match, wanted, distances, starts)
     return second if isinstance(second, Selection) and second.count < first.count else first
 
 
 def _select(
-    system: EquationSystem, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray
+    system: EquationSystem, match: np.ndarray, wanted: np.ndarray, liked: np.ndarray, starts: Starts
 ) -> Selection | Candidate:
     c, d = preferences.offsets_with_room(system, match, wanted, liked)
     sample = generic(system, int(d.max(initial=0)))
-    tied, start = constraint_matrix(system, c, d, sample)
+    key = c.tobytes(), len(sample.value)
+    tied, start = constraint_matrix(system, c, d, sample, starts.get(key))
+    if start is not None:
+        starts[key] = start
     rank = preferences.preference(system, tied, c, wanted, liked)
     choice = choose(tied, c, d, rank, preferences.wishes(system, c, wanted))
     candidate = Candidate(system, c, d, sample, start, tied, choice, match, wanted, {})

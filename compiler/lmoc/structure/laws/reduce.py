@@ -11,13 +11,18 @@ from lmoc.ir.flat import FlatDAE
 from lmoc.ir.law import JENKINS, LawKind, Laws
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Report
+from lmoc.structure.coordinates.shared import Shared
 from lmoc.structure.laws.degree import NOT_FELT, relative_degree
 from lmoc.structure.laws.switched import free, switched
 from lmoc.structure.reduce import reduce
 
 
 def reduce_with_laws(
-    flat: FlatDAE, values: np.ndarray | None = None, states: Sequence[str] | None = None, report: Report | None = None
+    flat: FlatDAE,
+    values: np.ndarray | None = None,
+    states: Sequence[str] | None = None,
+    report: Report | None = None,
+    shared: Shared | None = None,
 ) -> Reduced:
     """Return the smallest system of a flat model, whatever laws it has; otherwise as `structure.reduce.reduce`.
 
@@ -30,7 +35,7 @@ def reduce_with_laws(
         springs alone.
     """
     if not flat.laws or flat.closed is not None:
-        return reduce(flat, values, states, report)
+        return reduce(flat, values, states, report, shared=shared)
     report = Report() if report is None else report
     given = flat.parameter_values() if values is None else values
     loose, loosened = free(flat)
