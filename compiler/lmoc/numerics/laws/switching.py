@@ -50,7 +50,7 @@ class LawSwitching:
         self, plan: Plan, values: Array, base: Array, signals: Mapping[int, Signal], moment: float = 0.0
     ) -> None:
         self.kinematics = ContactKinematics(plan, values, base, signals)
-        self.laws = law_rows(plan.reduced.flat, self.kinematics.form.laws)
+        self.laws, self.parts = law_rows(plan.reduced.flat, self.kinematics.form.laws), plan.reduced.flat.parts
         self.reader = reader(self.kinematics)
         self.undecided: list[tuple[float, list[str]]] = []  # s, and the laws of impacts whose order would matter
         self.ledger = _ledger(self.kinematics)
@@ -222,8 +222,10 @@ class LawSwitching:
             raise Stopped(Status.CONTRADICTION, reason) from None
         if status == OVERLAPS:
             (k,) = np.flatnonzero(run.laws).tolist()
-            reason = f"the gap of '{self.laws[k][0]}' is negative, {run.gap(k):.6g}, at t = {t:.6g} s"
-            raise Stopped(Status.CONTRADICTION, reason)
+            name, laws = self.laws[k]
+            reason = f"the gap of '{name}' is negative, {run.gap(k):.6g}, at t = {t:.6g} s"
+            hint = f"it may be zero or positive: start values of positions move the parts that meet in '{name}' apart"
+            raise Stopped(Status.CONTRADICTION, reason, self.parts[laws.part].span, hint)
         if status == CHATTERS:
             names = self._names(run.laws)
             raise Stopped(Status.CHATTERING, f"the laws of {names} open and close without end at t = {t:.6g} s")

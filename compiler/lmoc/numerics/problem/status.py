@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
+from lmoc.messages.source import Span
 from lmoc.support import budget
 
 
@@ -46,11 +47,17 @@ def interruption() -> Status:
 
 
 class Stopped(Exception):
-    """The run ends at an instant: with an error, or because the model requests it (`Status.OK`)."""
+    """The run ends at an instant: with an error, or because the model requests it (`Status.OK`).
 
-    def __init__(self, status: Status, reason: str) -> None:
+    Parameters
+    ----------
+    span : what to look at where that is known
+    hint : what to do about it
+    """
+
+    def __init__(self, status: Status, reason: str, span: Span | None = None, hint: str = "") -> None:
         super().__init__(reason)
-        self.status, self.reason = status, reason
+        self.status, self.reason, self.span, self.hint = status, reason, span, hint
 
 
 class NotFound(Exception):

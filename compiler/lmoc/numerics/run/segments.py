@@ -239,7 +239,7 @@ class _Run:
         try:
             x = self.dynamics.start(states if going_on else begun, initial, task.near)
         except Stopped as stopped:
-            self.report.error("E0535", f"the start has no solution: {stopped.reason}")
+            self.report.error("E0535", f"the start has no solution: {stopped.reason}", stopped.span, hint=stopped.hint)
             self.report.check()
         self.report.check()
         self._begin(task.span.start)
