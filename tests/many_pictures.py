@@ -18,13 +18,13 @@ TOUCHING = 0.5  # px by which the boxes of labels may lie on each other
 
 
 def scene(seed: int) -> str:
-    """Return one of the random scenes: elements along lines, with wheels, or in the plane."""
+    """Return one of the random scenes: elements along lines, with wheels, with parts of machines, or in the plane."""
     from oracles.random_scenes import graph, plane
 
     count = 5 + seed * 7 % 36
     if seed % 5 == 4:
         return plane(seed, min(2 + count // 6, 7))
-    return graph(seed, count, seed % 3 if seed % 2 else 0)
+    return graph(seed, count, seed % 3 if seed % 2 else 0, seed % 4 if seed % 5 < 2 else 0)
 
 
 def faults(path: Path) -> tuple[list[str], int, float]:

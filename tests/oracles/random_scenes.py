@@ -6,6 +6,9 @@ from random import Random
 
 LINKS = ("Spring(k = 1)", "Damper(c = 1)", "SpringDamper(k = 1, c = 1)", "Rod", "Cable(L = 1)", "DryFriction(F = 1)")
 TWISTS = ("TorsionSpring(k = 1)", "TorsionDamper(c = 1)", "Gear(N = 2)", "GearPair(r1 = 1, r2 = 2)", "Clutch(tau = 1)")
+BELTS = ("Belt(r1 = 1, r2 = 2)", "Belt(r1 = 2, r2 = 1, crossed = true)", "Chain(z1 = 20, z2 = 40, pitch = 0.01)")
+CAM = "CamProfile(profile = [0, 0; 2, 0.01; 4, 0.004; 6.283185307179586, 0])"
+MACHINES = ("Rack(r = 0.1)", "Rack(r = -0.1)", "Screw(lead = 0.01)", "Unbalance(m = 1, r = 0.1)", CAM)
 
 
 class Scene:
@@ -33,8 +36,13 @@ class Scene:
         return "\n".join(["model Random", *self.parts, "equation", *lines, "end Random;", ""])
 
 
-def graph(seed: int, parts: int, wheels: int = 0) -> str:
-    """A random graph of parts on lines and shafts, joined by levers, pulleys, drums, and by wheels on a road."""
+def graph(seed: int, parts: int, wheels: int = 0, machines: int = 0) -> str:
+    """A random graph of parts on lines and shafts, joined by levers, pulleys, drums, and by wheels on a road.
+
+    Parameters
+    ----------
+    machines : racks, screws, unbalances and cams; with some, shafts have belts, too
+    """
     scene = Scene(seed)
     choose = scene.choose
     lines = [f"{scene.add('Fixed')}.flange"]
@@ -43,7 +51,7 @@ def graph(seed: int, parts: int, wheels: int = 0) -> str:
     kind = kinds[seed % len(kinds)]
     while len(scene.parts) < parts:
         turn = choose.random() < 0.35
-        places, links = (shafts, TWISTS) if turn else (lines, LINKS)
+        places, links = (shafts, TWISTS + BELTS * bool(machines)) if turn else (lines, LINKS)
         ports = ("shaft" if turn else "flange"), "a", "b"
         if kind == "mixed" and choose.random() < 0.3:
             _joint(scene, lines, shafts)
@@ -60,6 +68,10 @@ def graph(seed: int, parts: int, wheels: int = 0) -> str:
                 body = scene.add("Inertia(J = 1)" if turn else "Mass(m = 1, g = 9.81)" if seed % 3 else "Mass(m = 1)")
                 scene.connect(f"{link}.{there}", f"{body}.{ports[0]}")
             places.append(f"{link}.{there}")
+    for _ in range(machines):
+        machine = scene.add(choose.choice(MACHINES))
+        scene.connect(f"{machine}.shaft", choose.choice(shafts))
+        scene.connect(f"{machine}.flange", choose.choice(lines))
     for _ in range(wheels):
         wheel = scene.add(f"Wheel(r = {choose.choice((0.1, 0.3, 0.35))})")
         scene.connect(f"{wheel}.shaft", choose.choice(shafts))

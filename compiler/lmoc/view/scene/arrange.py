@@ -7,7 +7,9 @@ from collections.abc import Iterable
 from lmoc.view.scene.elements import Element, Graph
 from lmoc.view.scene.strip import Strip
 
-JOINTS = ("pulley", "drum", "wheel", "arm", "lever", "beam", "guide", "slider", "pin")
+JOINTS = (
+    "pulley", "drum", "wheel", "arm", "lever", "beam", "guide", "slider", "pin", "rack", "screw", "cam", "unbalance",
+)  # fmt: skip
 
 
 def strips_of(graph: Graph, elements: Iterable[Element], domain: str) -> list[Strip]:

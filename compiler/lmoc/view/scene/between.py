@@ -33,6 +33,8 @@ def between(element: Element, kind: str, a: Anchor, b: Anchor, shaft: bool, name
         return symbols.plates(name, a, b, kind)
     if kind in ("gear", "gear-pair", "backlash"):
         return symbols.gearbox(name, a, b, kind)
+    if kind in ("belt", "chain"):
+        return symbols.belt(name, a, b, kind, bool(names.graph.value(element, "crossed", 0.0)))
     if kind == "continuation":
         return symbols.line(kind, "", a, b, 3.0 if shaft else 1.5)
     if kind == "hub":
@@ -43,6 +45,7 @@ def between(element: Element, kind: str, a: Anchor, b: Anchor, shaft: bool, name
 def breadth(kind: str) -> float:
     """Return the breadth of a symbol."""
     return {"rod": 2.0, "string": 2.0, "torsion-damper": 19.0, "gear": 21.0, "gear-pair": 21.0, "backlash": 21.0,
+            "belt": 18.0, "chain": 18.0,
             "clutch": 15.0, "ratchet": 15.0, "bearing-friction": 15.0}.get(kind, 9.0)  # fmt: skip
 
 

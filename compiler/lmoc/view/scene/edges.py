@@ -7,7 +7,7 @@ from math import cos, hypot, isfinite, pi, sin
 from typing import Protocol
 
 from lmoc.view.scene import symbols
-from lmoc.view.scene.elements import Element, Port
+from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.picture import Anchor, Circle, Item, Point, Turn
 
 FINE = 8  # chords of a piece of a curve
@@ -19,6 +19,7 @@ WIDE = 10.0  # px between the hatches of a curve
 class Plane(Protocol):
     """What is needed of the picture of a plane (`planar.Plane`)."""
 
+    graph: Graph
     scale: float
     back: list[Item]
     items: list[Item]
@@ -54,8 +55,7 @@ def curve(plane: Plane, element: Element) -> list[Point]:
         return []
 
     def rows(name: str) -> list[list[float]]:
-        count = int(plane.own(element, "n")) + 1
-        return [[plane.own(element, f"{name}[{k + 1},{c}]") for c in range(1, 6)] for k in range(count)]
+        return plane.graph.table(element, name, int(plane.own(element, "n")) + 1, 5)
 
     found = []
     for (begin, *x), (_, *y), (end, *_) in zip(rows("xs")[1:], rows("ys")[1:], rows("xs")[2:]):

@@ -79,6 +79,11 @@ class Graph:
         found = self.flat.find(f"{element.name}.{name}")
         return default if found is None or not len(found) else float(self.values[found[0]])
 
+    def table(self, element: Element, name: str, rows: int, columns: int) -> list[list[float]]:
+        """Return a matrix of parameters of an element."""
+        indices = [[f"{name}[{k},{c}]" for c in range(1, columns + 1)] for k in range(1, rows + 1)]
+        return [[self.value(element, index) for index in row] for row in indices]
+
     def variable(self, element: Element, name: str) -> int | None:
         """Return the index of a variable of an element."""
         found = self.flat.find(f"{element.name}.{name}")

@@ -21,7 +21,7 @@ from lmoc.view.scene.standing import MARK, goes_on
 
 GROUNDS = ("wall", "fixed-shaft", "ground", "anchor")  # hatching says it all
 BESIDE = ("coordinate", "force", "torque", "contact")  # beside what they belong to, without touching it
-ROUND = ("wheel", "pulley", "string")
+ROUND = ("wheel", "pulley", "string", "unbalance", "pinion")
 TOUCHING = 5.0  # px
 NEAR = 60.0  # px, from an arrow to what it belongs to
 LEADER = 9.0  # px, the shortest line from a piece to its number
@@ -121,8 +121,11 @@ def places(item: Item, node: int) -> list[Corners]:
 
 
 def _touch(a: Item, b: Item, node: int) -> bool:
-    room = NEAR if a.symbol in BESIDE or b.symbol in BESIDE else TOUCHING
-    return any(_distance(p, q) < room for p in places(a, node) for q in places(b, node))
+    return _apart(a, b, node) < (NEAR if a.symbol in BESIDE or b.symbol in BESIDE else TOUCHING)
+
+
+def _apart(a: Item, b: Item, node: int) -> float:
+    return min(_distance(p, q) for p in places(a, node) for q in places(b, node))
 
 
 def _distance(a: Corners, b: Corners) -> float:
@@ -143,8 +146,10 @@ def _pieces(items: Sequence[Item], graph: Graph) -> dict[int, list[list[int]]]:
 def _groups(items: Sequence[Item], members: Sequence[int], node: int) -> list[list[int]]:
     """Return items in groups of those that touch, also by way of others."""
     groups: list[list[int]] = []
-    for k in members:
+    for k in sorted(members, key=lambda k: items[k].symbol in BESIDE):
         near = [g for g in groups if any(_touch(items[k], items[j], node) for j in g)]
+        if items[k].symbol in BESIDE and near:  # an arrow belongs to one thing, and joins nothing
+            near = [min(near, key=lambda g: min(_apart(items[k], items[j], node) for j in g))]
         groups = [g for g in groups if g not in near] + [sorted([*sum(near, []), k])]
     return sorted(groups)
 

@@ -10,7 +10,7 @@ from lmoc.view.scene.strip import BODIES, HELD, IN_LINE, PITCH, PUSHED, Directio
 from lmoc.view.scene.text import escaped, width
 
 MARK = 9.0  # px, radius of a mark where a row goes on
-CENTRED = 26.0  # px, widest label that stands below the middle of an arrow about a shaft
+CENTRED = 20.0  # px, widest label that stands below the middle of an arrow about a shaft
 
 
 class Layout:

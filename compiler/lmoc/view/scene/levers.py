@@ -11,12 +11,13 @@ from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element, Graph
 from lmoc.view.scene.picture import Anchor, Item, Label, Move, Path, Turn
 from lmoc.view.scene.ropes import Hanging
-from lmoc.view.scene.strip import BODIES, DOWN, GROUP, RIGHT, UP, Direction, Strip
+from lmoc.view.scene.strip import BODIES, DOWN, GROUP, RIGHT, UP, Direction, Strip, Style
 from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.wheels import Turning, decorated
 
 LONGEST = 130.0  # px, the longer arm, where nothing asks for more
 APART = 54.0
+HANGING = 84.0  # px, length of a pendulum
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,25 @@ def tips(element: Element, graph: Graph) -> list[Tip]:
             value = graph.value(element, name)
             found.append(Tip(value if isfinite(value) and value else 1.0, own.node))
     return found
+
+
+def draw_pendulum(shaft: Turning, style: Style) -> Block:
+    """Return what swings about a shaft under its weight, hanging from its pivot."""
+    bodies = [e for e in shaft.on if e.symbol in BODIES]
+    turn = Turn(0.0, style.variables.get(shaft.node, ""), shaft.sense, 0.0)
+    shapes = (symbols.path((0, 0), (0, HANGING), width=5.0), symbols.Circle((0, 0, HANGING), 11.0, "body"))
+    first, *others = (e.name for e in bodies)
+    variables = {"angle": turn.variable} if turn.variable else {}
+    bar = Item("pendulum", first, (Anchor(0, 0),), shapes, turn, variables, nodes=(shaft.node,))
+    more = [Item("pendulum", name, (Anchor(0, 0),), (), nodes=(shaft.node,)) for name in others]
+    items, legs = decorated(shaft, style, 18.0, False, title=False)
+    title = " + ".join(style.names.part(e, "m", "J") for e in bodies)
+    name = symbols.label(title, Anchor(0, 0), 16.0, HANGING, "start", first)
+    stem = symbols.path((0, 0), (0, -18.0), width=2.0)
+    hinge = (stem, symbols.Circle((0, 0, 0), 3.0, "paper"))
+    held = Item("pivot", "", (Anchor(0, 0),), hinge, nodes=(shaft.node,))
+    pivot = [held if shaft.legs else symbols.pivot("", Anchor(0, 0), (0.0, -1.0))]
+    return Block((*pivot, bar, *more, *legs, *items, name))
 
 
 def draw_lever(element: Element, shaft: Turning | None, hanging: Hanging) -> Block:

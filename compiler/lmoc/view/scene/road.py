@@ -38,7 +38,8 @@ def draw_road(
     radii = _radii(wheels, hanging)
     places = _places(wheels, line, radii, nodes)
     low = line.corners[3] if line.items else 0.0
-    ground = low + 8.0 + (ARROWS if any(s.on for s in shafts.values()) else 8.0) + 2 * max(radii.values())
+    arrows = any(s.on or s.node in hanging.style.coordinates for s in shafts.values())
+    ground = low + 8.0 + (ARROWS if arrows else 8.0) + 2 * max(radii.values())
     axles: list[Item] = []
     block = Block(())
     for w in wheels:

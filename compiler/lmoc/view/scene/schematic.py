@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import isfinite
 
@@ -11,12 +11,14 @@ from lmoc.view.scene.arrange import strips_of
 from lmoc.view.scene.belts import belts_of, draw_belt
 from lmoc.view.scene.block import Block, packed, tangled
 from lmoc.view.scene.elements import Element, Graph, Port
-from lmoc.view.scene.levers import draw_lever
+from lmoc.view.scene.levers import draw_lever, draw_pendulum
+from lmoc.view.scene.mounted import MOUNTED, draw_mounted, draw_unbalances
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.picture import Anchor
 from lmoc.view.scene.road import draw_road
 from lmoc.view.scene.ropes import Hanging, Joint, Rope, draw_rope, rope_of
 from lmoc.view.scene.strip import BODIES, DOWN, RIGHT, UP, Strip, Style
+from lmoc.view.scene.strips import draw_strip
 from lmoc.view.scene.wheels import Drum, Turning, decorated, gear_row, gears_of, turning, wheel
 from lmoc.view.scene.wrap import draw_wrapped
 
@@ -82,7 +84,7 @@ class Schematic:
 
     def block(self) -> Block:
         """Return everything, joints first, then what no joint has taken along."""
-        blocks = [*self._levers(), *self._belts(), *self._roads(), *self._ropes()]
+        blocks = [*self._levers(), *self._belts(), *self._roads(), *self._mounted(), *self._ropes()]
         blocks += [b for s in self.lines if id(s) not in self.hanging.used and (b := self._line(s)) is not None]
         blocks += [b for s in self.shafts if id(s) not in self.wheel_shafts and (b := self._shaft(s)) is not None]
         blocks = [b for b in blocks if b.items]
@@ -103,6 +105,9 @@ class Schematic:
         gears = gears_of(strip)
         if gears:
             return gear_row(strip, gears, self.style, self.drums)
+        free = [n for n in strip.nodes if (held := strip.held(n)) is None or held.symbol == "rotation"]
+        if gears is not None and any(e.symbol == "pendulum" for e in strip.on[free[0]]):
+            return draw_pendulum(turning(strip, free[0]), self.style)
         if gears is not None and not strip.links:
             shaft = turning(strip, strip.nodes[0])
             if any(e.symbol in BODIES for e in shaft.on):
@@ -143,7 +148,7 @@ class Schematic:
 
     def _belts(self) -> list[Block]:
         drums = self._joints(("drum",))
-        others = [e for e in self._joints((*ROPES, *LEVERS)) if e not in drums]
+        others = [e for e in self._joints((*ROPES, *LEVERS, *MOUNTED)) if e not in drums]
         blocks = []
         for belt in belts_of(drums, others, self.hanging.strips):
             strands = [s for found in belt.strands for s in found]
@@ -164,16 +169,9 @@ class Schematic:
 
     def _road(self, wheels: Sequence[Element]) -> Block:
         """The wheels of one line; where that is in use, or too long, it is drawn apart."""
-        strip = self.hanging.strips.get(wheels[0].port("flange").node)
         shafts = {w.name: self._rolling(w.port("shaft")) for w in wheels}
-        if strip is not None and (id(strip) in self.hanging.used or not self.hanging.shown(strip)):
-            strip = None
-        block = draw_road(wheels, strip, shafts, self.hanging)
-        left, _, right, _ = block.corners
-        if strip is not None and (right - left > WIDTH or tangled(block)):
-            self.hanging.used.discard(id(strip))
-            block = draw_road(wheels, None, shafts, self.hanging)
-        return block
+        strip = self._free(wheels[0].port("flange").node)
+        return self._with_line(strip, lambda line: draw_road(wheels, line, shafts, self.hanging))
 
     def _rolling(self, port: Port) -> Turning:
         """The shaft of a wheel; one that the ground holds does not go along with the wheel and is drawn apart."""
@@ -183,6 +181,58 @@ class Schematic:
             self.wheel_shafts = before
             return Turning(port.node, (), ())
         return shaft
+
+    def _mounted(self) -> list[Block]:
+        blocks = []
+        housings: dict[int, list[Element]] = {}
+        for element in self._joints(MOUNTED):
+            strip = self._free(element.port("flange").node)
+            if element.symbol == "unbalance":
+                housings.setdefault(element.port("flange").node if strip is None else id(strip), []).append(element)
+                continue
+            driver = self._driver(element.port("shaft").node) if element.symbol == "screw" else None
+            shaft = self._turning(element.port("shaft")) if element.symbol != "screw" else None
+
+            def drawn(
+                line: Strip | None, element: Element = element, shaft: Turning | None = shaft, driver=driver
+            ) -> Block:
+                return draw_mounted(element, shaft, line, driver, self.hanging)
+
+            blocks.append(self._with_line(strip, drawn))
+        for elements in housings.values():
+            shafts = [self._rolling(e.port("shaft")) for e in elements]
+
+            def mounted(line: Strip | None, elements=elements, shafts=shafts) -> Block:
+                return draw_unbalances(elements, shafts, line, self.hanging)
+
+            blocks.append(self._with_line(self._free(elements[0].port("flange").node), mounted))
+        return blocks
+
+    def _free(self, node: int) -> Strip | None:
+        """Return the strip of a line's node, None where it is drawn already or has nothing to show."""
+        strip = self.hanging.strips.get(node)
+        return strip if strip is not None and id(strip) not in self.hanging.used and self.hanging.shown(strip) else None
+
+    def _driver(self, node: int) -> Strip | None:
+        """Return what turns a screw, where it can be drawn as a shaft from the side that ends at the screw."""
+        strip = next((s for s in self.shafts if node in s.nodes), None)
+        if strip is None or id(strip) in self.wheel_shafts or strip.links and gears_of(strip):
+            return None
+        drawn = draw_strip(strip, self.style, RIGHT)
+        left, _, right, _ = drawn.block.corners
+        if drawn.conflicts or right - left > WIDTH / 2 or not drawn.is_last(node):
+            return None
+        self.wheel_shafts.add(id(strip))
+        return strip
+
+    def _with_line(self, strip: Strip | None, drawn: Callable[[Strip | None], Block]) -> Block:
+        """Return what is drawn with a line; without it where that is too long, or what is on it needs its room."""
+        block = drawn(strip)
+        left, _, right, _ = block.corners
+        if strip is not None and (right - left > WIDTH or tangled(block)):
+            self.hanging.used.discard(id(strip))
+            block = drawn(None)
+        return block
 
     def _ropes(self) -> list[Block]:
         joints = self._rope_joints()

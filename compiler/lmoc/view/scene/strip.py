@@ -19,9 +19,9 @@ IN_LINE = {
     "spring": 76.0, "damper": 72.0, "spring-damper": 76.0, "rod": 46.0, "string": 56.0, "elastic-string": 70.0,
     "stop": 56.0, "friction": 70.0, "torsion-spring": 76.0, "torsion-damper": 62.0, "bearing-friction": 56.0,
     "clutch": 56.0, "ratchet": 56.0, "gear": 76.0, "backlash": 76.0, "gear-pair": 76.0, "ellipsis": 84.0,
-    "continuation": 16.0,
+    "belt": 92.0, "chain": 92.0, "continuation": 16.0,
 }  # fmt: skip
-BODIES = ("mass", "inertia", "disk", "turning-bar")
+BODIES = ("mass", "inertia", "disk", "turning-bar", "pendulum")
 HELD = ("wall", "fixed-shaft", "motion", "rotation")
 PUSHED = ("force", "torque", "brake")
 PITCH = 46.0  # between rows, across a horizontal line
@@ -109,17 +109,29 @@ class Strip:
 
 @dataclass(frozen=True)
 class Style:
-    """The facts of a scene that a drawing of strips depends on."""
+    """The facts of a scene that a drawing of strips depends on.
+
+    Attributes
+    ----------
+    coordinates : {node: symbol}
+    variables : {node: dotted name of the potential}
+    scales : {node that moves to scale: px per metre, and the place at which it is drawn, None: that at the start}
+    """
 
     names: Names
-    coordinates: Mapping[int, str]  # {node: symbol}
-    variables: Mapping[int, str]  # {node: dotted name of the potential}
+    coordinates: Mapping[int, str]
+    variables: Mapping[int, str]
+    scales: Mapping[int, tuple[float, float | None]] = field(default_factory=dict)
 
     def end(self, node: int, at: Point, direction: Direction, shaft: bool, moves: bool = True) -> Anchor:
         """A point of the picture that moves with a node along a direction."""
         if shaft or not moves or node not in self.variables:
             return Anchor(*at)
-        return Anchor(*at, (Move(self.variables[node], *direction, None, GROUP),))
+        variable, (dx, dy) = self.variables[node], direction
+        if node in self.scales:
+            scale, reference = self.scales[node]
+            return Anchor(*at, (Move(variable, dx * scale, dy * scale, reference),))
+        return Anchor(*at, (Move(variable, dx, dy, None, GROUP),))
 
 
 @dataclass(frozen=True)

@@ -190,6 +190,23 @@ def gearbox(part: str, a: Anchor, b: Anchor, symbol: str, variables: dict | None
     return Item(symbol, part, (a, b), shapes, Turn(), variables or {})
 
 
+def belt(part: str, a: Anchor, b: Anchor, symbol: str, crossed: bool) -> Item:
+    """A belt or a chain over two wheels, between the shafts that end in their middles."""
+    half = _length(a, b) / 2
+    x, r, y, s = half - 22.0, 10.0, half + 18.0, 16.0
+    sign = -1 if crossed else 1
+    dash = (4.0, 2.5) if symbol == "chain" else ()
+    shapes = (
+        path((0, 0), (x, 0), width=3.0),
+        Circle((0, x, 0), r, "paper"),
+        Circle((0, y, 0), s, "paper"),
+        *(path((x + 2, k * (r - 0.5)), (y - 3, sign * k * (s - 0.5)), colour="string", dash=dash) for k in (-1, 1)),
+        Circle((0, x, 0), 2.5, "ink"),
+        Path(((0, y, 0), (1, 0, 0)), width=3.0),
+    )
+    return Item(symbol, part, (a, b), shapes)
+
+
 def box_between(part: str, a: Anchor, b: Anchor, name: str, variables: dict | None = None) -> Item:
     """A box with a name between two ends."""
     wide = text_width(name, FONT) + 14

@@ -1,24 +1,25 @@
-"""Shafts seen along their axis: wheels with what drives and holds them, and gears in mesh."""
+"""Shafts seen along their axis: wheels with what drives and holds them, gears in mesh, belts and chains."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import cos, radians, sin
+from math import acos, cos, pi, radians, sin
 
 from lmoc.support.records import dataclass
 from lmoc.view.scene import symbols
 from lmoc.view.scene.between import between
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.picture import Anchor, Circle, Item, Turn
+from lmoc.view.scene.picture import Anchor, Circle, Item, Path, Turn
 from lmoc.view.scene.strip import BODIES, Strip, Style
 from lmoc.view.scene.text import plain, width
 
 LARGEST, SMALLEST = 64.0, 10.0  # px, radii of gears
-GEARS = ("gear", "gear-pair")
+GEARS, BELTS = ("gear", "gear-pair"), ("belt", "chain")
+APART = 62.0  # px between two pulleys
 LEG = 62.0  # length of what holds a wheel
-APART = 46.0  # between two legs
+LEGS = 46.0  # between two legs
 
 
 @dataclass(frozen=True)
@@ -149,13 +150,13 @@ def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -
         return [Item("bearing", "", (Anchor(0, 0),), (stem,)), ground]
     n = len(shaft.legs)
     top = radius + 12
-    xs = [(k - (n - 1) / 2) * APART for k in range(n)]
+    xs = [(k - (n - 1) / 2) * LEGS for k in range(n)]
     met = (shaft.node,)
     stem = symbols.path((0, way * radius), (0, way * top), width=2.0)
     items = [Item("shaft", "", (CENTRE,), (stem,), nodes=met)]
     if n > 1:
-        bar = symbols.path((xs[0], way * top), (xs[-1], way * top), width=2.0)
-        items.append(Item("joint", "", (CENTRE,), (bar,), nodes=met))
+        bar = symbols.path((xs[0], 0.0), (xs[-1], 0.0), width=2.0)
+        items.append(Item("joint", "", (Anchor(0.0, way * top),), (bar,), nodes=met))
     for x, element in zip(xs, shaft.legs):
         a, b = Anchor(x, way * top), Anchor(x, way * (top + LEG))
         made = between(element, element.symbol, a, b, True, style.names)
@@ -192,13 +193,13 @@ class Drum:
 
 
 def gears_of(strip: Strip) -> list[tuple[Element, int, int]] | None:
-    """Return the gears of a strip that can be drawn as wheels in mesh, None where it cannot.
+    """Return the gears and belts of a strip that can be drawn as wheels beside each other, None where it cannot.
 
-    It can where gears are all that joins its shafts, and they form no loop.
+    It can where they are all that joins its shafts, and they form no loop.
     """
     gears = []
     for element, a, b in strip.links:
-        if element.symbol in GEARS:
+        if element.symbol in (*GEARS, *BELTS) and not element.look.drawing:
             gears.append((element, a, b))
         elif not any(strip.held(n) is not None and strip.held(n).symbol == "fixed-shaft" for n in (a, b)):
             return None
@@ -213,10 +214,19 @@ def gears_of(strip: Strip) -> list[tuple[Element, int, int]] | None:
     return gears if all(n <= 2 for n in touching.values()) else None
 
 
+def turns_back(element: Element, style: Style) -> bool:
+    """Return whether two wheels turn in opposite senses: in mesh, or in a crossed belt."""
+    return element.symbol in GEARS or bool(style.names.graph.value(element, "crossed", 0.0))
+
+
 def ratio(element: Element, style: Style) -> float:
-    """Return the angle of a gear's first shaft by that of the second."""
+    """Return the angle of the first shaft of a gear or a belt by that of the second."""
     graph = style.names.graph
-    if element.symbol == "gear":
+    if element.symbol in BELTS:
+        one, other = ("z1", "z2") if element.symbol == "chain" else ("r1", "r2")
+        value = graph.value(element, other) / graph.value(element, one)
+        value *= -1 if graph.value(element, "crossed", 0.0) else 1
+    elif element.symbol == "gear":
         value = graph.value(element, "N", graph.value(element, "ratio"))
     else:
         value = -graph.value(element, "r2") / graph.value(element, "r1")
@@ -241,34 +251,43 @@ def gear_row(
         forwards = any(element is g and a == first for g, first, _ in gears)
         n = n if forwards else 1 / n
         size.append((1.0, abs(n)))
-        sense[b] = -sense[a] if n > 0 else sense[a]
+        sense[b] = -sense[a] if (n > 0) == turns_back(element, style) else sense[a]
     size = [_bounded(pair) for pair in size]
     x, placed = 0.0, {order[0]: 0.0}
     radii: dict[int, list[float]] = {n: [] for n in order}
-    for (_, a, b), (ra, rb) in zip(meshes, size):
+    largest: dict[int, tuple[float, bool]] = {}  # of each shaft: radius and teeth of its largest wheel
+    for (element, a, b), (ra, rb) in zip(meshes, size):
         radii[a].append(ra)
         radii[b].append(rb)
-        x += ra + rb
+        x += ra + rb + (APART if element.symbol in BELTS else 0.0)
         placed[b] = x
+        for node, radius in ((a, ra), (b, rb)):
+            largest[node] = max(largest.get(node, (0.0, False)), (radius, element.symbol != "belt"))
     block = Block(())
     for k, node in enumerate(order):
         window = FIRST if k == 0 else LAST if k == len(order) - 1 else BETWEEN
-        own = _gear(turning(strip, node, sense[node]), style, radii[node], window, drums.get(node, ()))
+        shaft, teeth = turning(strip, node, sense[node]), largest[node][1]
+        own = _gear(shaft, style, radii[node], window, drums.get(node, ()), teeth)
         block = block.beside(own.at(placed[node], 0.0))
     contacts: list[Item] = []
-    for (element, a, _), pair in zip(meshes, size):
+    for (element, a, b), pair in zip(meshes, size):
         met = tuple(p.node for p in element.ports)
+        if element.symbol in BELTS:
+            contacts += _strands(element, style, (placed[a], placed[b]), pair, met)
+            continue
         made = _contact(element, style, placed[a] + pair[0], min(pair), -1 if pair[0] <= pair[1] else 1)
         contacts += [replace(i, nodes=met if i.symbol == "mesh" else ()) for i in made]
     return Block((*block.items, *contacts), block.anchors)
 
 
-def _gear(shaft: Turning, style: Style, radii: list[float], window: Window, drums: Sequence[Drum]) -> Block:
-    """The gears of one shaft about (0, 0), with what hangs on ropes there."""
+def _gear(
+    shaft: Turning, style: Style, radii: list[float], window: Window, drums: Sequence[Drum], teeth: bool
+) -> Block:
+    """The wheels of one shaft about (0, 0), with what hangs on ropes there."""
     largest = max(radii)
     items, legs = decorated(shaft, style, largest, True, window=window)
     winding = [0.55 * largest] if drums else []
-    own = Block((*legs, *wheel(shaft, style, radii + winding, True), *items), {shaft.node: (0.0, 0.0)})
+    own = Block((*legs, *wheel(shaft, style, radii + winding, teeth), *items), {shaft.node: (0.0, 0.0)})
     for drum, side in zip(drums, (1.0, -1.0)):
         x, y = side * winding[0], largest + 30.0
         rope = symbols.line("string", drum.part, Anchor(x, 0.0), Anchor(x, y), 1.4, "string")
@@ -286,6 +305,27 @@ def _contact(element: Element, style: Style, x: float, radius: float, side: int)
         low = radius + (14 if len(plain(text)) == 1 else 31)
         found.append(symbols.label(text, at, side * 5, low, "start" if side > 0 else "end", element.name))
     return found
+
+
+def _strands(
+    element: Element, style: Style, at: tuple[float, float], radii: tuple[float, float], met: tuple[int, ...]
+) -> list[Item]:
+    """A belt or a chain around two wheels: the outer tangents, or the inner ones where it is crossed."""
+    (x, end), (r, s) = at, radii
+    crossed = bool(style.names.graph.value(element, "crossed", 0.0))
+    angle = acos((r + s if crossed else r - s) / (end - x))  # of the radius to where the upper strand leaves
+    far = angle - pi if crossed else angle
+    around = symbols.arc(r, angle, 2 * pi - angle), symbols.arc(s, -far, far, (end - x, 0.0))
+    line = {"colour": "string", "width": 2.2, "dash": (5.0, 3.0) if element.symbol == "chain" else ()}
+    lower = pi - angle if crossed else -angle
+    strands = [
+        symbols.path((r * cos(a), -r * sin(a)), (end - x + s * cos(b), -s * sin(b)), **line)
+        for a, b in ((angle, far), (-angle, lower))
+    ]
+    shapes = (*(Path(own, **line) for own in around), *strands)
+    made = Item(element.symbol, element.name, (Anchor(x, 0.0),), shapes, nodes=met)
+    middle = Anchor((x + r + end - s) / 2, -max(0.75 * (r + s) / 2, 12.0) - 10.0)
+    return [made, symbols.label(style.names.called(element), middle, 0, -12.0, "middle", element.name)]
 
 
 def _bounded(pair: tuple[float, float]) -> tuple[float, float]:
@@ -312,5 +352,3 @@ def _order(strip: Strip, gears: Sequence[tuple[Element, int, int]]) -> tuple[lis
         used.add(step[0].name)
         meshes.append((step[0], order[-1], step[1]))
         order.append(step[1])
-
-
