@@ -8,6 +8,7 @@ the same angle stays a call of its own.
 from __future__ import annotations
 
 import ctypes
+import re
 import threading
 from functools import cache
 from pathlib import Path
@@ -48,8 +49,8 @@ def c_text(tape: Tape) -> str:
 @cache
 def _headers() -> str:
     folder = Path(__file__).with_name("c")
-    text = (folder / "lu.h").read_text(encoding="utf-8") + (folder / "tape.h").read_text(encoding="utf-8")
-    return text.replace('#include "lu.h"\n', "")
+    text = "".join((folder / name).read_text(encoding="utf-8") for name in ("lane.h", "lu.h", "tape.h"))
+    return re.sub('#include "(lane|lu).h"\n', "", text)
 
 
 class _Text:

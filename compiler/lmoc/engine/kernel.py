@@ -79,23 +79,25 @@ class Kernel:
     addresses : of `w` and of the ``lmoc_tape``
     """
 
-    def __init__(self, tape: Tape, patient: bool = True, w: np.ndarray | None = None) -> None:
+    def __init__(self, tape: Tape, patient: bool = True, w: np.ndarray | None = None, lanes: int = 0) -> None:
         """
         Parameters
         ----------
         patient : nonlinear blocks may be approached slowly; else they have several solutions, of which only the one
             that continues the last counts
         w : memory that it shares with others
+        lanes : runs that go through it at a time, (tape.size, lanes) in `w`; 0 for a single one, which Python may run
         """
-        self.tape, self._patient = tape, patient
+        self.tape, self._patient, self._lanes = tape, patient, lanes
         self.w = np.zeros(tape.size) if w is None else w
-        self.w[tape.constants[0]] = tape.constants[1]
+        self.w.reshape(-1, max(1, lanes))[tape.constants[0]] = tape.constants[1][:, None]
+        of = "_lanes" if lanes else ""
         self._library = library()
         self._kept: list[object] = []  # what C points to
         self.blocks = (_Block * max(1, len(tape.blocks)))(*map(self._block, tape.blocks))
         self._tape = _Tape(
-            address("lmoc_tape_run"), tape.code.ctypes.data, tape.index.ctypes.data, ctypes.addressof(self.blocks),
-            address("lmoc_block_functions"), tape.time,
+            address(f"lmoc_tape_run{of}"), tape.code.ctypes.data, tape.index.ctypes.data, ctypes.addressof(self.blocks),
+            address(f"lmoc_block_functions{of}"), tape.time,
         )  # fmt: skip
         self.nonlinear = [b for b in tape.blocks if b.work]
         self.unknowns = np.concatenate([np.zeros(0, int), *(b.unknowns.ravel() for b in self.nonlinear)])
@@ -108,7 +110,7 @@ class Kernel:
     def _block(self, block: SolveBlock) -> _Block:
         instances, size = block.unknowns.shape
         tables = [np.ascontiguousarray(t, np.int32) for t in block.tables]
-        pivots = np.zeros((instances if block.kept else 1) * size, np.int32)
+        pivots = np.zeros((instances if block.kept else 1) * size * max(1, self._lanes), np.int32)
         self._kept += [*tables, pivots]
         start, rows, lu = 0, 0, 0
         if block.pattern is not None:

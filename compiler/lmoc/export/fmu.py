@@ -36,7 +36,7 @@ _ENGINE = (
     "tape", "blocks", "dense", "newton", "lu", "lu_order", "evaluate", "dop853", "walk", "instant", "relations",
     "trials", "roots", "crossing", "hops",
 )  # fmt: skip
-_HEADERS = ("tape", "lu", "dense", "blocks", "engine", "walk", "instant", "roots", "hops")
+_HEADERS = ("lane", "tape", "lu", "dense", "blocks", "engine", "walk", "instant", "roots", "hops")
 _DATA = "model.c"
 
 

@@ -5,6 +5,8 @@
 
 #include "dense.h"
 
+#ifndef LMOC_OF_LANES
+
 /* LU with row pivoting for two rows: the closure of a loop in the plane. */
 static inline int pair_factor(double *a, int32_t *pivots, double *determinant) {
   const int lower = fabs(a[2]) > fabs(a[0]);
@@ -25,11 +27,6 @@ static inline void pair_substitute(const double *a, const int32_t *pivots, doubl
   b[0] = (first - a[1]*b[1]) / a[0];
 }
 
-void lmoc_block_fill(const lmoc_block *m, int64_t instance, const double *w, double *a) {
-  const int32_t *from = m->fill + instance*m->each;
-  for (int64_t k = 0; k < m->each; k++) a[k] = w[from[k]];
-}
-
 int lmoc_block_factor(lmoc_block *m, double *a, int32_t *pivots, double *determinant) {
   if (!m->start && m->size == 2) return pair_factor(a, pivots, determinant);
   if (!m->start) return lmoc_dense_factor(m->size, a, pivots, determinant);
@@ -42,38 +39,47 @@ void lmoc_block_solve(const lmoc_block *m, const double *a, const int32_t *pivot
   else lmoc_dense_substitute(m->size, a, pivots, 1, b);
 }
 
-/* Unknowns from their residuals at zero; no numbers where the matrix is singular. */
-static void linear(lmoc_block *m, double *w) {
-  double *a = w + m->a, *b = w + m->b, determinant;
-  for (int64_t i = 0; i < m->instances; i++) {
-    const int32_t *u = m->unknowns + i*m->size, *r = m->residuals + i*m->size;
-    lmoc_block_fill(m, i, w, a);
-    for (int64_t k = 0; k < m->size; k++) b[k] = -w[r[k]];
-    const int good = lmoc_block_factor(m, a, m->pivots, &determinant);
-    if (good) lmoc_block_solve(m, a, m->pivots, b);
-    for (int64_t k = 0; k < m->size; k++) w[u[k]] = good ? b[k] : NAN;
+#endif
+
+/* Unknowns from their residuals at zero, from the factors of an instance; no numbers where there are none. */
+static inline void solve(const lmoc_block *m, int64_t instance, const double *a, const int32_t *pivots, double *b,
+                         double *w) {
+  const int32_t *u = m->unknowns + instance*m->size, *r = m->residuals + instance*m->size;
+  if (a) {
+    for (int64_t k = 0; k < m->size; k++) b[k] = -w[LMOC_AT(r[k])];
+    lmoc_block_solve(m, a, pivots, b);
   }
+  for (int64_t k = 0; k < m->size; k++) w[LMOC_AT(u[k])] = a ? b[k] : NAN;
 }
 
-/* The same with a matrix that depends on parameters only: `ready` is 1 when it has been factorized, -1 when it cannot be.
-   A dense block keeps the factors of all instances. */
-static void constant(lmoc_block *m, double *w) {
-  double *b = w + m->b, determinant;
-  const int fresh = !m->ready;
-  if (fresh) m->ready = 1;
-  for (int64_t i = 0; i < m->instances; i++) {
-    const int32_t *u = m->unknowns + i*m->size, *r = m->residuals + i*m->size;
-    double *a = w + m->a + i*m->each;
-    int32_t *pivots = m->pivots + i*m->size;
-    if (fresh) {
-      lmoc_block_fill(m, i, w, a);
-      if (!lmoc_block_factor(m, a, pivots, &determinant)) m->ready = -1;
+static void linear(lmoc_block *m, double *w) {
+  double *a = w + LMOC_AT(m->a), *b = w + LMOC_AT(m->b), determinant;
+  for (int64_t i = 0; i < m->instances; i++)
+    LMOC_EACH_LANE {
+      lmoc_block_fill(m, i, w + l, a);
+      solve(m, i, lmoc_block_factor(m, a, m->pivots, &determinant) ? a : 0, m->pivots, b, w + l);
     }
-    for (int64_t k = 0; k < m->size; k++) b[k] = -w[r[k]];
-    if (m->ready > 0) lmoc_block_solve(m, a, pivots, b);
-    for (int64_t k = 0; k < m->size; k++) w[u[k]] = m->ready > 0 ? b[k] : NAN;
-  }
 }
+
+/* The same with a matrix that depends on parameters only: `ready` is 1 when it has been factorized; one that cannot be
+   has no numbers for factors. A dense block keeps the factors of all instances. */
+static void constant(lmoc_block *m, double *w) {
+  double *b = w + LMOC_AT(m->b), determinant;
+  const int fresh = !m->ready;
+  m->ready = 1;
+  for (int64_t i = 0; i < m->instances; i++)
+    LMOC_EACH_LANE {
+      double *a = lmoc_block_factors(m, i, l, w);
+      int32_t *pivots = lmoc_block_pivots(m, i, l);
+      if (fresh) {
+        lmoc_block_fill(m, i, w + l, a);
+        if (!lmoc_block_factor(m, a, pivots, &determinant)) a[0] = NAN;
+      }
+      solve(m, i, a[0] == a[0] ? a : 0, pivots, b, w + l);
+    }
+}
+
+#ifndef LMOC_OF_LANES
 
 /* x = -A^-1 B, the derivatives of the unknowns, column by column. */
 static void implicit(lmoc_block *m, double *w) {
@@ -90,17 +96,24 @@ static void implicit(lmoc_block *m, double *w) {
   }
 }
 
-/* Factors of all instances, to be used later; FAILED where one is singular. */
+#endif
+
+/* Factors of all instances, to be used later; FAILED where one is singular, in the bit of its lane. */
 static int factor(lmoc_block *m, double *w) {
   int status = 0;
   double determinant;
-  for (int64_t i = 0; i < m->instances; i++) {
-    double *a = w + m->a + i*m->each;
-    lmoc_block_fill(m, i, w, a);
-    if (!lmoc_block_factor(m, a, m->pivots + i*m->size, &determinant)) status = LMOC_FAILED;
-  }
+  for (int64_t i = 0; i < m->instances; i++)
+    LMOC_EACH_LANE {
+      double *a = lmoc_block_factors(m, i, l, w);
+      lmoc_block_fill(m, i, w + l, a);
+      if (!lmoc_block_factor(m, a, lmoc_block_pivots(m, i, l), &determinant)) status |= LMOC_FAILED << l;
+    }
   return status;
 }
 
+#ifdef LMOC_OF_LANES
+const lmoc_blocks lmoc_block_functions_lanes = {.linear = linear, .constant = constant, .factor = factor};
+#else
 const lmoc_blocks lmoc_block_functions = {linear,   lmoc_newton_begin, lmoc_newton_step, lmoc_newton_end,
                                           constant, implicit,          factor};
+#endif

@@ -5,8 +5,19 @@
 
 #include "tape.h"
 
-/* The entries of the matrix of an instance. */
-void lmoc_block_fill(const lmoc_block *m, int64_t instance, const double *w, double *a);
+/* The entries of the matrix of an instance; of one lane, whose first number w is. */
+LMOC_INLINE void lmoc_block_fill(const lmoc_block *m, int64_t instance, const double *w, double *a) {
+  const int32_t *from = m->fill + instance*m->each;
+  for (int64_t k = 0; k < m->each; k++) a[k] = w[LMOC_AT(from[k])];
+}
+
+/* Where the factors of an instance and their pivots are kept: those of the lanes one behind the other. */
+LMOC_INLINE double *lmoc_block_factors(const lmoc_block *m, int64_t instance, int64_t lane, double *w) {
+  return w + LMOC_AT(m->a + instance*m->each) + lane*m->each;
+}
+LMOC_INLINE int32_t *lmoc_block_pivots(const lmoc_block *m, int64_t instance, int64_t lane) {
+  return m->pivots + (LMOC_AT(instance) + lane)*m->size;
+}
 
 /* Factorize it; 0 where it is singular or has entries that are no numbers. */
 int lmoc_block_factor(lmoc_block *m, double *a, int32_t *pivots, double *determinant);

@@ -1,5 +1,6 @@
-/* Many runs of one scene, one after the other, each with its own parameters, start, tolerances and lengths of steps. The
-   steps are those of `walk.c` and `taylor.c`, in the order in which `steps/loop.py` has them made. */
+/* Many runs of one scene, each with its own parameters, start, tolerances and lengths of steps; along series as many at a
+   time as there are lanes. The steps are those of `walk.c` and `taylor.c`, in the order in which `steps/loop.py` has them
+   made. */
 
 #include "taylor.h"
 #include "walk.h"
@@ -30,8 +31,10 @@ typedef struct {
   double *out;                    /* (lanes, outputs, n) */
   lmoc_steps *steps;              /* DOP853; or 0 */
   const lmoc_taylor *taylor;      /* series; or 0 */
-  lmoc_walk *walk;
+  double *memory;                 /* of series, (2*n*(LENGTH + 1) + n, lanes) */
 } lanes;
+
+#ifndef LMOC_OF_LANES
 
 static double norm(int64_t n, double rtol, const double *atol, const double *x, const double *v, const double *minus) {
   double sum = 0;
@@ -63,6 +66,8 @@ double lmoc_first_step(int64_t n, double h, double span, double rtol, const doub
   return span < first ? span : first;
 }
 
+#endif
+
 static void forget(const lmoc_tape *t, int64_t count) {
   for (int64_t k = 0; k < count; k++) {
     t->blocks[k].ready = 0;
@@ -70,14 +75,14 @@ static void forget(const lmoc_tape *t, int64_t count) {
   }
 }
 
-/* A run at its beginning; one that goes on alone has its registers and its order of pivots still. */
-static void prepare(const lanes *l, int64_t lane) {
+/* A run at its beginning in a lane; one that goes on alone has its registers and its order of pivots still. */
+static void prepare(const lanes *l, int64_t run, int64_t lane) {
   if (l->goes_on) return;
-  memcpy(l->call->w, l->base + lane*l->registers, l->registers * sizeof(double));
+  const double *base = l->base + run*l->registers;
+  for (int64_t k = 0; k < l->registers; k++) l->call->w[LMOC_AT(k) + lane] = base[k];
   forget(l->call->tape, l->blocks);
   l->call->solved = l->call->marked = 0;
   if (l->taylor) forget(l->taylor->series->start, l->start_blocks);
-  else lmoc_derivatives(l->call, l->legs[lane].time, l->x + lane*l->call->n, l->steps->f);
 }
 
 /* Steps that may still be made; 0 at the end, and where there are to be no more: `found` says why. */
@@ -93,10 +98,14 @@ static int64_t left(const lanes *l, leg *g, double begin, int64_t *allowed) {
   return 0;
 }
 
-static void with_dop853(const lanes *l, int64_t lane, leg *g) {
+#ifndef LMOC_OF_LANES
+
+static void with_dop853(const lanes *l, int64_t lane) {
   const int64_t n = l->call->n;
   lmoc_steps *s = l->steps;
+  leg *g = l->legs + lane;
   double *x = l->x + lane*n, check = 0;
+  prepare(l, lane, 0);
   memcpy(s->x, x, n * sizeof(double));
   s->atol = l->atol + lane*n;
   s->rtol = g->rtol;
@@ -137,45 +146,96 @@ static void with_dop853(const lanes *l, int64_t lane, leg *g) {
   memcpy(x, s->pending ? s->x_new : s->x, n * sizeof(double));
 }
 
-static void along_series(const lanes *l, int64_t lane, leg *g) {
-  const int64_t n = l->call->n;
-  lmoc_walk *s = l->walk;
-  double *x = l->x + lane*n;
-  memcpy(s->x, x, n * sizeof(double));
-  s->time = s->before = g->time;
-  s->end = l->end;
-  s->longest = l->longest;
-  s->rtol = g->rtol;
-  s->atol = l->atol + lane*n;
-  if (lmoc_taylor_series(l->taylor, g->time, s->x, s->next)) {
-    g->found = LMOC_LOST;
-    return;
-  }
-  const double begin = g->time;
-  int64_t allowed = g->most;
-  while ((s->most = left(l, g, begin, &allowed)) > 0) {
-    s->times = l->times + g->reached;
-    s->outputs = s->room = l->outputs - g->reached;
-    s->out = l->out + (lane*l->outputs + g->reached)*n;
-    g->found = lmoc_taylor_walk(l->taylor, s);
-    g->steps += s->steps;
-    g->rejected += s->tries - s->steps;
-    g->reached += s->reached;
-    g->time = s->time;
-    g->step = s->length;
-  }
-  memcpy(x, s->x, n * sizeof(double));
+#endif
+
+/* What is under way in one lane. */
+typedef struct {
+  int64_t run;  /* or -1 */
+  double begin;
+  int64_t allowed;
+} lane;
+
+/* Have a lane go on with its run. Returns 0 where that is over. */
+static int go_on(const lanes *l, lmoc_walk *s, int64_t k, lane *own) {
+  leg *g = l->legs + own->run;
+  lmoc_walk_afresh(s, k);
+  s->most[k] = left(l, g, own->begin, &own->allowed);
+  s->times[k] = l->times + g->reached;
+  s->outputs[k] = s->room[k] = l->outputs - g->reached;
+  s->out[k] = l->out + (own->run*l->outputs + g->reached)*l->call->n;
+  return s->most[k] > 0;
 }
 
-/* Go on with some of the lanes, each to where its leg ends. */
-void lmoc_lanes_walk(const lanes *l, int64_t count, const int64_t *which) {
+static void begin(const lanes *l, lmoc_walk *s, int64_t k, lane *own, double *atol) {
+  const int64_t n = l->call->n;
+  const leg *g = l->legs + own->run;
+  prepare(l, own->run, k);
+  s->time[k] = s->before[k] = g->time;
+  s->rtol[k] = g->rtol;
+  s->length[k] = g->step;
+  s->begins[k] = 1;
+  for (int64_t i = 0; i < n; i++) {
+    s->next[LMOC_AT(i*LMOC_LENGTH) + k] = l->x[own->run*n + i];
+    atol[LMOC_AT(i) + k] = l->atol[own->run*n + i];
+  }
+  own->begin = g->time;
+  own->allowed = g->most;
+}
+
+/* Take what a lane that has stopped has found. */
+static void arrive(const lanes *l, const lmoc_walk *s, int64_t k, const lane *own) {
+  leg *g = l->legs + own->run;
+  const int64_t n = l->call->n;
+  g->found = s->found[k];
+  g->steps += s->steps[k];
+  g->rejected += s->tries[k] - s->steps[k];
+  g->reached += s->reached[k];
+  g->time = s->time[k];
+  g->step = s->length[k];
+  for (int64_t i = 0; i < n; i++) l->x[own->run*n + i] = s->x[LMOC_AT(i) + k];
+}
+
+/* As soon as a lane is free the next run begins in it. */
+static void along_series(const lanes *l, int64_t count, const int64_t *which) {
+  const int64_t n = LMOC_AT(l->call->n);
+  double *m = l->memory, *atol = m + 2*n*LMOC_LENGTH + 2*n;
+  lmoc_walk s = {.end = l->end, .longest = l->longest, .atol = atol, .q = m, .next = m + n*LMOC_LENGTH,
+                 .x = m + 2*n*LMOC_LENGTH, .between = m + 2*n*LMOC_LENGTH + n};
+  lane own[LMOC_LANES];
+  int64_t stopped = ((int64_t)1 << LMOC_LANES) - 1, busy = 0;
+  for (int64_t k = 0; k < LMOC_LANES; k++) own[k].run = -1;
+  do {
+    for (int64_t k = 0; k < LMOC_LANES; k++) {
+      if (!((stopped >> k) & 1)) continue;
+      if (own[k].run >= 0) {
+        arrive(l, &s, k, own + k);
+        if (go_on(l, &s, k, own + k)) continue;
+        busy--;
+      }
+      for (own[k].run = -1, s.most[k] = 0; count > 0 && s.most[k] <= 0; count--) {
+        own[k].run = *which++;
+        begin(l, &s, k, own + k, atol);
+        busy += go_on(l, &s, k, own + k);
+      }
+      if (s.most[k] <= 0) own[k].run = -1;
+    }
+    stopped = busy ? LMOC_NAME(lmoc_taylor_go)(l->taylor, &s) : 0;
+  } while (busy);
+}
+
+/* Go on with some of the runs, each to where its leg ends. */
+void LMOC_NAME(lmoc_lanes_walk)(const lanes *l, int64_t count, const int64_t *which) {
   for (int64_t k = 0; k < count; k++) {
     leg *g = l->legs + which[k];
     g->steps = g->rejected = g->found = 0;
-    prepare(l, which[k]);
-    (l->taylor ? along_series : with_dop853)(l, which[k], g);
   }
+  if (l->taylor) along_series(l, count, which);
+#ifndef LMOC_OF_LANES
+  else for (int64_t k = 0; k < count; k++) with_dop853(l, which[k]);
+#endif
 }
+
+#ifndef LMOC_OF_LANES
 
 /* Central differences of f by the states where some of the lanes stand, with these shifts (count, n), into
    (count, n, n). */
@@ -185,7 +245,7 @@ void lmoc_lanes_differences(const lanes *l, int64_t count, const int64_t *which,
   for (int64_t k = 0; k < count; k++) {
     const double time = l->legs[which[k]].time, *own = shift + k*n;
     double *jacobian = out + k*n*n;
-    prepare(l, which[k]);
+    prepare(l, which[k], 0);
     memcpy(x, l->x + which[k]*n, n * sizeof(double));
     for (int64_t j = 0; j < n; j++) {
       const double at = x[j];
@@ -199,3 +259,5 @@ void lmoc_lanes_differences(const lanes *l, int64_t count, const int64_t *which,
     lmoc_derivatives(l->call, time, x, low);  /* blocks go on from here */
   }
 }
+
+#endif

@@ -4,18 +4,13 @@
 
 /* Operands of a vector instruction: where a chunk begins, and whether it goes on from chunk to chunk (1), is a buffer
    (0), or is one number for all rows (-1). */
-#define PLACE(k) (w + p[k] + (p[(k) + 1] > 0 ? low : 0))
-#define EACH _Pragma("GCC ivdep") for (int64_t i = 0; i < m; i++)
-
-#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__GLIBC__)
-#define WIDEST __attribute__((target_clones("avx2", "default"))) /* the same bits, four at a time */
-#else
-#define WIDEST
-#endif
+#define PLACE(k) (w + LMOC_AT(p[k]) + (p[(k) + 1] > 0 ? LMOC_AT(low) : 0))
+#define EACH _Pragma("GCC ivdep") for (int64_t i = 0; i < m*LMOC_LANES; i++)
+#define ROWS _Pragma("GCC ivdep") for (int64_t i = 0; i < m; i++) LMOC_EACH_LANE
 
 /* One vector instruction on rows low … low + m - 1; returns its length. */
-WIDEST static int lmoc_chunk(const int32_t *p, double *w, const int32_t *index, int64_t low, int64_t m) {
-  double *out = w + p[1] + (p[2] > 0 ? low : 0);
+LMOC_WIDEST static int lmoc_chunk(const int32_t *p, double *w, const int32_t *index, int64_t low, int64_t m) {
+  double *out = w + LMOC_AT(p[1]) + (p[2] > 0 ? LMOC_AT(low) : 0);
   switch (p[0]) {
 #define X(name, value) \
     case LMOC_##name: { \
@@ -28,8 +23,8 @@ WIDEST static int lmoc_chunk(const int32_t *p, double *w, const int32_t *index, 
 #define X(name, value) \
     case LMOC_##name: { \
       const double *a = PLACE(3), *b = PLACE(5); \
-      if (p[4] < 0) { const double x = *a; EACH { const double y = b[i]; out[i] = value; } } \
-      else if (p[6] < 0) { const double y = *b; EACH { const double x = a[i]; out[i] = value; } } \
+      if (p[4] < 0) ROWS { const double x = a[l], y = b[LMOC_AT(i) + l]; out[LMOC_AT(i) + l] = value; } \
+      else if (p[6] < 0) ROWS { const double x = a[LMOC_AT(i) + l], y = b[l]; out[LMOC_AT(i) + l] = value; } \
       else EACH { const double x = a[i], y = b[i]; out[i] = value; } \
       return 7; \
     }
@@ -37,32 +32,33 @@ WIDEST static int lmoc_chunk(const int32_t *p, double *w, const int32_t *index, 
 #undef X
     case LMOC_if: {
       const double *c = PLACE(3), *a = PLACE(5), *b = PLACE(7);
-      const int64_t one = p[4] >= 0, two = p[6] >= 0, three = p[8] >= 0;
-      for (int64_t i = 0; i < m; i++) out[i] = c[i*one] != 0 ? a[i*two] : b[i*three];
+      const int64_t one = LMOC_AT(p[4] >= 0), two = LMOC_AT(p[6] >= 0), three = LMOC_AT(p[8] >= 0);
+      for (int64_t i = 0; i < m; i++)
+        LMOC_EACH_LANE out[LMOC_AT(i) + l] = c[i*one + l] != 0 ? a[i*two + l] : b[i*three + l];
       return 9;
     }
     case LMOC_gather: {
       const int32_t *from = index + p[3] + low;
-      EACH out[i] = w[from[i]];
+      ROWS out[LMOC_AT(i) + l] = w[LMOC_AT(from[i]) + l];
       return 4;
     }
     case LMOC_strided: {
-      const double *from = w + p[3] + low*p[4];
-      const int64_t stride = p[4];
-      EACH out[i] = from[i*stride];
+      const double *from = w + LMOC_AT(p[3] + low*p[4]);
+      const int64_t stride = LMOC_AT(p[4]);
+      ROWS out[LMOC_AT(i) + l] = from[i*stride + l];
       return 5;
     }
     case LMOC_scatter: {
       const int32_t *to = index + p[3] + low;
       const double *a = out;
-      EACH w[to[i]] = a[i];
+      ROWS w[LMOC_AT(to[i]) + l] = a[LMOC_AT(i) + l];
       return 4;
     }
     case LMOC_spread: {
-      double *to = w + p[3] + low*p[4];
-      const int64_t stride = p[4];
+      double *to = w + LMOC_AT(p[3] + low*p[4]);
+      const int64_t stride = LMOC_AT(p[4]);
       const double *a = out;
-      EACH to[i*stride] = a[i];
+      ROWS to[i*stride + l] = a[LMOC_AT(i) + l];
       return 5;
     }
   }
@@ -78,41 +74,49 @@ static void lmoc_rows(const int32_t *p, double *w, const int32_t *index) {
   }
 }
 
+#define W(place) LMOC_ROW(w, place)
+#define ZERO ((lmoc_real){0})
+
 /* w[out[k]] = sum of w[factor[j]]*w[source[j]] over the j of segment k. A negative table counts places from there on, and
    there may be neither factors nor segments of more than one. */
-static void lmoc_products(const int32_t *p, double *w, const int32_t *index) {
+LMOC_WIDEST static void lmoc_products(const int32_t *p, double *w, const int32_t *index) {
   const int64_t n = p[1];
   const int32_t *out = index + p[2], *source = index + p[5];
   const int32_t *start = p[3] < 0 ? 0 : index + p[3], *factor = p[4] < 0 ? 0 : index + p[4];
   if (!start) {
-    for (int64_t k = 0; k < n; k++) w[out[k]] = w[factor[k]] * w[source[k]];
+    for (int64_t k = 0; k < n; k++) W(out[k]) = W(factor[k]) * W(source[k]);
     return;
   }
   if (!factor) {
     for (int64_t k = 0; k < n; k++) {
-      double s = 0;
-      for (int32_t j = start[k]; j < start[k + 1]; j++) s += w[source[j]];
-      w[out[k]] = s;
+      lmoc_real s = ZERO;
+      for (int32_t j = start[k]; j < start[k + 1]; j++) s += W(source[j]);
+      W(out[k]) = s;
     }
     return;
   }
   for (int64_t k = 0; k < n; k++) {
-    double s = 0;
-    for (int32_t j = start[k]; j < start[k + 1]; j++) s += w[factor[j]] * w[source[j]];
-    w[out[k]] = s;
+    lmoc_real s = ZERO;
+    for (int32_t j = start[k]; j < start[k + 1]; j++) s += W(factor[j]) * W(source[j]);
+    W(out[k]) = s;
   }
 }
 
-#if defined(__GNUC__)
+#if defined(__GNUC__) && LMOC_LANES == 1
+#define JUMPS 1
 #define NEXT goto *go[*p]
 #define CASE(name) do_##name
+#define RUN /* which the compiler does not clone, with its table of places to jump to */
 #else
+#define JUMPS 0
 #define NEXT continue
 #define CASE(name) case LMOC_##name
+#define RUN LMOC_WIDEST
 #endif
+#define ONE(place) (w + LMOC_AT(p[place]))
 
-int lmoc_tape_run(double time, double *w, const lmoc_tape *t) {
-#if defined(__GNUC__)
+RUN int LMOC_NAME(lmoc_tape_run)(lmoc_times time, double *w, const lmoc_tape *t) {
+#if JUMPS
   static const void *const go[] = {
     &&do_end,
 #define X(name, ...) &&do_##name,
@@ -122,57 +126,76 @@ int lmoc_tape_run(double time, double *w, const lmoc_tape *t) {
 #endif
   const int32_t *p = t->code;
   int status = 0;
-  w[t->time] = time;
-#if defined(__GNUC__)
+  LMOC_EACH_LANE w[LMOC_AT(t->time) + l] = LMOC_TIME(time, l);
+#if JUMPS
   NEXT;
 #else
   for (;;) switch (*p) {
 #endif
-#define X(name, value) CASE(name): { const double x = w[p[2]]; w[p[1]] = value; p += 3; NEXT; }
+#define X(name, value) \
+  CASE(name): { \
+    const double *a = ONE(2); \
+    double *out = ONE(1); \
+    _Pragma("GCC ivdep") LMOC_EACH_LANE { const double x = a[l]; out[l] = value; } \
+    p += 3; \
+    NEXT; \
+  }
   LMOC_UNARY(X)
 #undef X
-#define X(name, value) CASE(name): { const double x = w[p[2]], y = w[p[3]]; w[p[1]] = value; p += 4; NEXT; }
+#define X(name, value) \
+  CASE(name): { \
+    const double *a = ONE(2), *b = ONE(3); \
+    double *out = ONE(1); \
+    _Pragma("GCC ivdep") LMOC_EACH_LANE { const double x = a[l], y = b[l]; out[l] = value; } \
+    p += 4; \
+    NEXT; \
+  }
   LMOC_BINARY(X)
 #undef X
-  CASE(if): w[p[1]] = w[p[2]] != 0 ? w[p[3]] : w[p[4]]; p += 5; NEXT;
+  CASE(if):
+    LMOC_EACH_LANE ONE(1)[l] = ONE(2)[l] != 0 ? ONE(3)[l] : ONE(4)[l];
+    p += 5;
+    NEXT;
   CASE(dot): {
     const int32_t *end = p + 3 + 2*p[2];
-    double s = w[p[3]] * w[p[4]];
-    for (const int32_t *q = p + 5; q < end; q += 2) s += w[q[0]] * w[q[1]];
-    w[p[1]] = s;
+    lmoc_real s = W(p[3]) * W(p[4]);
+    for (const int32_t *q = p + 5; q < end; q += 2) s += W(q[0]) * W(q[1]);
+    W(p[1]) = s;
     p = end;
     NEXT;
   }
   CASE(rows): lmoc_rows(p, w, t->index); p += p[2]; NEXT;
   CASE(products): lmoc_products(p, w, t->index); p += 6; NEXT;
   CASE(fill): {
-    const double value = w[p[3]];
+    const lmoc_real value = W(p[3]);
     const int32_t *out = t->index + p[2];
-    for (int64_t k = 0; k < p[1]; k++) w[out[k]] = value;
+    for (int64_t k = 0; k < p[1]; k++) W(out[k]) = value;
     p += 4;
     NEXT;
   }
-  CASE(linear): lmoc_block_functions.linear(t->blocks + p[1], w); p += 2; NEXT;
-  CASE(newton): lmoc_block_functions.newton_begin(t->blocks + p[1], w); p += 2; NEXT;
+  CASE(linear): t->functions->linear(t->blocks + p[1], w); p += 2; NEXT;
+  CASE(newton): t->functions->newton_begin(t->blocks + p[1], w); p += 2; NEXT;
   CASE(correct): {
-    const int64_t open = lmoc_block_functions.newton_step(t->blocks + p[1], w);
+    const int64_t open = t->functions->newton_step(t->blocks + p[1], w);
     if (open > 0) p = t->code + p[2];
     else {
-      status |= lmoc_block_functions.newton_end(t->blocks + p[1], w, open);
+      status |= t->functions->newton_end(t->blocks + p[1], w, open);
       p += 3;
     }
     NEXT;
   }
   CASE(ready): p = t->blocks[p[1]].ready ? t->code + p[2] : p + 3; NEXT;
-  CASE(constant): lmoc_block_functions.constant(t->blocks + p[1], w); p += 2; NEXT;
-  CASE(implicit): lmoc_block_functions.implicit(t->blocks + p[1], w); p += 2; NEXT;
-  CASE(factor): status |= lmoc_block_functions.factor(t->blocks + p[1], w); p += 2; NEXT;
+  CASE(constant): t->functions->constant(t->blocks + p[1], w); p += 2; NEXT;
+  CASE(implicit): t->functions->implicit(t->blocks + p[1], w); p += 2; NEXT;
+  CASE(factor): status |= t->functions->factor(t->blocks + p[1], w); p += 2; NEXT;
   CASE(gather): CASE(strided): CASE(scatter): CASE(spread): /* only inside of rows */
   CASE(end): return status;
-#if !defined(__GNUC__)
+#if !JUMPS
   }
 #endif
 }
+
+#ifndef LMOC_OF_LANES
 
 /* The names of the operations in the order of their numbers. */
 const char *lmoc_operations(void) {
@@ -182,3 +205,5 @@ const char *lmoc_operations(void) {
 #undef X
     ;
 }
+
+#endif

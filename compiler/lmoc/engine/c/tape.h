@@ -8,6 +8,7 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "lane.h"
 #include "lu.h"
 
 enum { LMOC_FAILED = 1, LMOC_FAR = 2 }; /* a block has no solution that was found; or none near the last one */
@@ -72,7 +73,7 @@ typedef struct {
 } lmoc_blocks;
 
 struct lmoc_tape {
-  int (*run)(double time, double *w, const lmoc_tape *t);
+  int (*run)(lmoc_times time, double *w, const lmoc_tape *t);
   const int32_t *code;
   const int32_t *index; /* tables of places */
   lmoc_block *blocks;
@@ -80,9 +81,10 @@ struct lmoc_tape {
   int64_t time;         /* its place */
 };
 
-extern const lmoc_blocks lmoc_block_functions;
+extern const lmoc_blocks LMOC_NAME(lmoc_block_functions);
 
-/* Run the instructions. Returns 0 or LMOC_FAILED, LMOC_FAR. */
-int lmoc_tape_run(double time, double *w, const lmoc_tape *t);
+/* Run the instructions. Returns 0 or LMOC_FAILED, LMOC_FAR; of lanes, which have no nonlinear blocks, a bit for each that
+   has failed. */
+int LMOC_NAME(lmoc_tape_run)(lmoc_times time, double *w, const lmoc_tape *t);
 
 #endif

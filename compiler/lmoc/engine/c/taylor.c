@@ -5,63 +5,142 @@
 #define N_SERIES LMOC_LENGTH
 #define LOOKS 4    /* places at which coordinates are looked at in a step (`steps/taylor.py`) */
 #define ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
+#define BIT(lane) ((int64_t)1 << (lane))
+#define Q(q, i, k) (q)[LMOC_AT((i)*N_SERIES + (k)) + l]
+#define ROW(q, first, k) LMOC_ROW(q, (first) + (k))
 
-/* Coefficients 0 … order of the states at (time, x) into q, (n, N_SERIES). */
-int lmoc_taylor_series(const lmoc_taylor *y, double time, const double *x, double *q) {
-  lmoc_call *c = y->call;
-  const lmoc_series *r = y->series;
-  double *s = r->s, check = 0;
-  if (lmoc_evaluate(c, time, x)) return 1;
-  if (lmoc_series_begin(r, time)) return 1;
-  for (int64_t k = 0; k < y->order; k++) {
-    if (k) lmoc_series_order(r, k);
-    for (int64_t i = 0; i < c->n; i++) {
-      const double next = s[r->derivatives[i]*(int64_t)N_SERIES + k] / (double)(k + 1);
-      s[r->states[i]*(int64_t)N_SERIES + k + 1] = next;
-      check += next * 0;
-    }
-  }
-  for (int64_t i = 0; i < c->n; i++) memcpy(q + i*N_SERIES, s + r->states[i]*(int64_t)N_SERIES, N_SERIES * sizeof(double));
-  return check != 0;
+/* What is left of a, and of b where that is larger. */
+static inline double larger(double a, double b) { return b > a ? b : a; }
+
+static int evaluate(lmoc_call *c, lmoc_times time, const double *x) {
+#ifndef LMOC_OF_LANES
+  return lmoc_evaluate(c, time, x);
+#else
+  if (c->first_state >= 0) memcpy(c->w + LMOC_AT(c->first_state), x, LMOC_AT(c->n) * sizeof(double));
+  else for (int64_t i = 0; i < c->n; i++) LMOC_ROW(c->w, c->states[i]) = LMOC_ROW(x, i);
+  return c->tape->run(time, c->w, c->tape);
+#endif
 }
 
-static void value(int64_t n, int64_t order, double h, const double *q, double *x) {
+/* The coefficients of order k + 1 of the states, which those of order k of their derivatives give; what becomes of them
+   times zero is added to `check`. */
+LMOC_WIDEST static void raise(const lmoc_taylor *y, int64_t k, double *check) {
+  const lmoc_series *r = y->series;
+  const int64_t n = y->call->n;
+  const double by = (double)(k + 1);
+  lmoc_real sum = LMOC_ROW(check, 0);
   for (int64_t i = 0; i < n; i++) {
-    double s = 0;
-    for (int64_t k = order; k >= 0; k--) s = s*h + q[i*N_SERIES + k];
-    x[i] = s;
+    const lmoc_real next = ROW(r->s, r->derivatives[i]*(int64_t)N_SERIES, k) / by;
+    ROW(r->s, r->states[i]*(int64_t)N_SERIES, k + 1) = next;
+    sum += next * 0;
+  }
+  LMOC_ROW(check, 0) = sum;
+}
+
+LMOC_WIDEST static void take(const lmoc_taylor *y, double *q) {
+  const lmoc_series *r = y->series;
+  for (int64_t i = 0; i < y->call->n; i++) {
+    const double *s = r->s + LMOC_AT(r->states[i]*(int64_t)N_SERIES);
+    for (int64_t k = 0; k <= y->order; k++) ROW(q, i*N_SERIES, k) = LMOC_ROW(s, k);
+  }
+}
+
+int LMOC_NAME(lmoc_taylor_series)(const lmoc_taylor *y, lmoc_times time, const double *x, double *q) {
+  double check[LMOC_LANES] = {0};
+  int lost = evaluate(y->call, time, x);
+  if ((lost & (BIT(LMOC_LANES) - 1)) == BIT(LMOC_LANES) - 1) return lost;
+  lost |= LMOC_NAME(lmoc_series_begin)(y->series, time);
+  for (int64_t k = 0; k < y->order; k++) {
+    if (k) y->series->order(y->series, k);
+    raise(y, k, check);
+  }
+  take(y, q);
+  LMOC_EACH_LANE if (check[l] != 0) lost |= BIT(l);
+  return lost;
+}
+
+/* The states at a distance from where a series begins. */
+LMOC_WIDEST static void value(int64_t n, int64_t order, const double *h, const double *q, double *x) {
+  const lmoc_real at = LMOC_ROW(h, 0);
+  for (int64_t i = 0; i < n; i++) {
+    lmoc_real s = {0};
+    for (int64_t k = order; k >= 0; k--) s = s*at + ROW(q, i*N_SERIES, k);
+    LMOC_ROW(x, i) = s;
+  }
+}
+
+/* The same for some of the states at several distances of one lane; sums that do not wait for each other. */
+LMOC_INLINE void some_values(int64_t n, int64_t order, int64_t count, const double *h, const double *q, int64_t states,
+                             double *x) {
+  lmoc_together s[6], distance[2];
+  double *at = (double *)distance;
+  for (int64_t j = 0; j < 2*LMOC_TOGETHER; j++) at[j] = h[j < count ? j : 0];
+  for (int64_t j = 0; j < 2*states; j++) s[j] = (lmoc_together){0};
+  for (int64_t k = order; k >= 0; k--)
+    for (int64_t i = 0; i < states; i++) {
+      const double own = q[LMOC_AT(i*N_SERIES + k)];
+      s[2*i] = s[2*i]*distance[0] + own;
+      s[2*i + 1] = s[2*i + 1]*distance[1] + own;
+    }
+  for (int64_t j = 0; j < count; j++)
+    for (int64_t i = 0; i < states; i++) x[j*n + i] = ((double *)(s + 2*i))[j];
+}
+
+LMOC_WIDEST static void values(int64_t n, int64_t order, int64_t count, const double *h, const double *q, double *x) {
+  for (; count > 0; count -= 2*LMOC_TOGETHER, h += 2*LMOC_TOGETHER, x += 2*LMOC_TOGETHER*n) {
+    const int64_t m = count < 2*LMOC_TOGETHER ? count : 2*LMOC_TOGETHER;
+    int64_t i = 0;
+    for (; i + 3 <= n; i += 3) some_values(n, order, m, h, q + LMOC_AT(i*N_SERIES), 3, x + i);
+    for (; i < n; i++) some_values(n, order, m, h, q + LMOC_AT(i*N_SERIES), 1, x + i);
   }
 }
 
 /* A step after which the last term is as large as the tolerances. Terms shrink by a factor an order: those before
-   may be larger; five are looked at, because some vanish by symmetry. */
-static double length(int64_t n, int64_t order, double rtol, const double *atol, const double *q) {
-  double h = INFINITY, whole = 1;
-  for (int64_t i = 0; i < n; i++)
-    whole = fmax(whole, fabs(q[i*N_SERIES]) / (atol[i] + rtol*fabs(q[i*N_SERIES])));
-  const double factor = pow(whole, -1.0 / (double)order);
-  for (int64_t k = order; k > order - 5 && k > 0; k--) {
-    double size = 0;
-    for (int64_t i = 0; i < n; i++)
-      size = lmoc_max(size, fabs(q[i*N_SERIES + k]) / (atol[i] + rtol*fabs(q[i*N_SERIES])));
-    if (size > 0) h = fmin(h, pow(size * pow(factor, (double)(order - k)), -1.0 / (double)k));
+   may be larger; five are looked at, because some vanish by symmetry. All in powers of two. */
+LMOC_WIDEST static void length(int64_t n, int64_t order, const double *rtol, const double *atol, const double *q,
+                               double *h) {
+  double whole[LMOC_LANES], sizes[5][LMOC_LANES] = {{0}};
+  LMOC_EACH_LANE whole[l] = 1;
+  for (int64_t i = 0; i < n; i++) {
+    double scale[LMOC_LANES];
+    LMOC_EACH_LANE {
+      const double y = fabs(Q(q, i, 0));
+      scale[l] = atol[LMOC_AT(i) + l] + rtol[l]*y;
+      whole[l] = larger(whole[l], y / scale[l]);
+    }
+    for (int64_t j = 0; j < 5; j++)
+      LMOC_EACH_LANE sizes[j][l] = lmoc_max(sizes[j][l], fabs(Q(q, i, order - j)) / scale[l]);
   }
-  return h;
+  LMOC_EACH_LANE {
+    double power = INFINITY;
+    const double lost = log2(whole[l]) / (double)order;
+    for (int64_t j = 0; j < 5; j++) {
+      if (!(sizes[j][l] > 0)) continue;
+      const double own = ((double)j*lost - log2(sizes[j][l])) / (double)(order - j);
+      power = own < power ? own : power;
+    }
+    h[l] = exp2(power);
+  }
 }
 
 /* How much the polynomial misses the differential equation at its end, as an error of the step in tolerances: its
    derivative at h against that of the series that begins there. */
-static double defect(int64_t n, int64_t order, double h, double rtol, const double *atol, const double *q,
-                                 const double *next) {
-  double worst = 0;
+LMOC_WIDEST static void defect(int64_t n, int64_t order, const double *h, const double *rtol, const double *atol,
+                               const double *q, const double *next, double *worst) {
+  double slope[LMOC_LANES];
+  LMOC_EACH_LANE worst[l] = 0;
   for (int64_t i = 0; i < n; i++) {
-    double s = 0;
-    for (int64_t k = order; k > 0; k--) s = s*h + (double)k * q[i*N_SERIES + k];
-    const double scale = atol[i] + rtol*fmax(fabs(q[i*N_SERIES]), fabs(next[i*N_SERIES]));
-    worst = lmoc_max(worst, fabs(h * (s - next[i*N_SERIES + 1])) / scale);
+    lmoc_real s = {0};
+    for (int64_t k = order; k > 0; k--) s = s*LMOC_ROW(h, 0) + (double)k * ROW(q, i*N_SERIES, k);
+    LMOC_ROW(slope, 0) = s;
+    LMOC_EACH_LANE {
+      const double scale = atol[LMOC_AT(i) + l] + rtol[l]*larger(fabs(Q(q, i, 0)), fabs(Q(next, i, 0)));
+      worst[l] = lmoc_max(worst[l], fabs(h[l] * (slope[l] - Q(next, i, 1))) / scale);
+    }
   }
-  return worst;
 }
+
+#ifndef LMOC_OF_LANES
 
 /* Whether the way along the series is certainly good, looked at as closely as it takes. */
 static int keeps(const lmoc_taylor *y, const lmoc_walk *s, double h, double reached, const double *x) {
@@ -71,71 +150,152 @@ static int keeps(const lmoc_taylor *y, const lmoc_walk *s, double h, double reac
     int lost = 0;
     for (int64_t i = 1; i < pieces && !lost; i++) {
       const double part = h * (double)i / (double)pieces;
-      value(y->call->n, y->order, part, s->next, s->between);
-      lost = hook->look(hook->own, s->time + part, s->between, i == 1);
+      value(y->call->n, y->order, &part, s->next, s->between);
+      lost = hook->look(hook->own, s->time[0] + part, s->between, i == 1);
     }
     if (!lost && !hook->look(hook->own, reached, x, pieces == 1)) return 1;
   }
   return 0;
 }
 
-/* One step along `next`; the series that begins at its end into `q`. Returns 0; SHORT where no step is short enough,
-   LOST where there is no value beyond, DOUBTFUL where the closures have to be looked at more closely. */
-static int step(const lmoc_taylor *y, lmoc_walk *s) {
-  const int64_t n = y->call->n;
-  double h = fmin(fmin(0.9 * length(n, y->order, s->rtol, s->atol, s->next), s->longest), s->end - s->time);
-  for (;; s->tries++) {
-    double reached = s->time + h;
-    if (s->time + 1.001*h >= s->end) { reached = s->end; h = s->end - s->time; }
-    s->length = h;
-    if (h <= 8e-16 * fabs(reached) || h < 1e-300) return LMOC_SHORT;
-    value(n, y->order, h, s->next, s->x);
-    if (s->hook && s->hook->land && s->hook->land(s->hook->own, reached, s->x)) return LMOC_DOUBTFUL;
-    if (s->hook && !keeps(y, s, h, reached, s->x)) return LMOC_DOUBTFUL;
-    const int lost = lmoc_taylor_series(y, reached, s->x, s->q);
-    if (!lost && defect(n, y->order, h, s->rtol, s->atol, s->next, s->q) <= ALLOWED) {
-      double *last = s->next;
-      s->next = s->q;
-      s->q = last;
-      s->before = s->time;
-      s->time = reached;
-      s->tries++;
-      return 0;
-    }
-    h *= lost ? 0.25 : 0.6;
-    if (lost && h <= 1e-14 * fabs(s->time)) return LMOC_LOST;
-  }
+/* Whether those who look at the end of a step have doubts. */
+static int doubtful(const lmoc_taylor *y, const lmoc_walk *s, double h, double reached) {
+  if (!s->hook) return 0;
+  if (s->hook->land && s->hook->land(s->hook->own, reached, s->x)) return 1;
+  return !keeps(y, s, h, reached, s->x);
 }
 
 /* The states at several distances from where a series begins. */
 void lmoc_taylor_values(int64_t n, int64_t order, int64_t count, const double *h, const double *q, double *x) {
-  for (int64_t k = 0; k < count; k++) value(n, order, h[k], q, x + k*n);
+  values(n, order, count, h, q, x);
 }
+
+#endif
 
 /* The states at the output times that the last step has reached. Returns whether there was room for them. */
-static int output(const lmoc_taylor *y, lmoc_walk *s) {
+static int output(const lmoc_taylor *y, lmoc_walk *s, int64_t l) {
   const int64_t n = y->call->n;
-  for (; s->reached < s->outputs && s->times[s->reached] <= s->time; s->reached++) {
-    if (s->reached == s->room) return 0;
-    value(n, y->order, s->times[s->reached] - s->before, s->q, s->out + s->reached*n);
+  double h[16*LMOC_TOGETHER];
+  for (;;) {
+    int64_t count = 0, at = s->reached[l];
+    for (; count < 16*LMOC_TOGETHER && at < s->outputs[l] && s->times[l][at] <= s->time[l]; count++, at++) {
+      if (at == s->room[l]) break;
+      h[count] = s->times[l][at] - s->before[l];
+    }
+    values(n, y->order, count, h, s->q + l, s->out[l] + s->reached[l]*n);
+    s->reached[l] = at;
+    if (at >= s->outputs[l] || s->times[l][at] > s->time[l]) return 1;
+    if (at == s->room[l]) return 0;
   }
-  return 1;
 }
 
-/* Steps with their output: as many as allowed, until the end or until there is no room for output within the last one.
-   Returns what that has; `x` is the state at `time`. */
-int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_walk *s) {
-  const int64_t n = y->call->n;
-  int found = 0;
-  s->steps = s->tries = s->reached = 0;
-  while (!found && s->steps < s->most && s->time < s->end) {
-    found = step(y, s);
-    if (found) break;
-    lmoc_mark(y->call);
-    if (s->hook) s->hook->keep(s->hook->own);
-    s->steps++;
-    if (!output(y, s)) break;
-  }
-  for (int64_t i = 0; i < n; i++) s->x[i] = s->next[i*N_SERIES];
-  return found;
+/* Choose the steps of lanes that have none. */
+static void choose(const lmoc_taylor *y, lmoc_walk *s, int64_t going) {
+  double h[LMOC_LANES];
+  int64_t open = 0;
+  LMOC_EACH_LANE if (going & BIT(l) && s->ahead[l] == 0 && !s->begins[l]) open |= BIT(l);
+  if (!open) return;
+  length(y->call->n, y->order, s->rtol, s->atol, s->next, h);
+  LMOC_EACH_LANE if (open & BIT(l)) s->ahead[l] = fmin(fmin(0.9*h[l], s->longest), s->end - s->time[l]);
 }
+
+static int64_t stopped_with(lmoc_walk *s, int64_t lane, int64_t found) {
+  s->found[lane] = found;
+  s->ahead[lane] = 0;
+  return BIT(lane);
+}
+
+/* The last and the next series of some lanes change places. */
+static void swap(int64_t n, lmoc_walk *s, int64_t taken, int64_t going) {
+  double *const q = s->q, *const next = s->next;
+  if (taken == going) {
+    s->next = q;
+    s->q = next;
+    return;
+  }
+  LMOC_EACH_LANE
+    for (int64_t j = 0; taken & BIT(l) && j < n*N_SERIES; j++) {
+      const double last = next[LMOC_AT(j) + l];
+      next[LMOC_AT(j) + l] = q[LMOC_AT(j) + l];
+      q[LMOC_AT(j) + l] = last;
+    }
+}
+
+/* What becomes of the step that a lane has tried: it is taken, or a shorter one is to be. */
+static int is_taken(lmoc_walk *s, int64_t l, double reached, int lost, double missed, int64_t *stopped) {
+  if (s->begins[l]) {
+    s->begins[l] = 0;
+    if (lost) *stopped |= stopped_with(s, l, LMOC_LOST);
+    return !lost;
+  }
+  if (!lost && missed <= ALLOWED) {
+    s->before[l] = s->time[l];
+    s->time[l] = reached;
+    s->ahead[l] = 0;
+    s->tries[l]++;
+    s->steps[l]++;
+    return 1;
+  }
+  s->ahead[l] *= lost ? 0.25 : 0.6;
+  if (lost && s->ahead[l] <= 1e-14 * fabs(s->time[l])) *stopped |= stopped_with(s, l, LMOC_LOST);
+  else s->tries[l]++;
+  return 0;
+}
+
+/* Try a step along `next` in all lanes that are going: the series that begins at its end into `q`. Returns those that
+   have stopped: SHORT where no step is short enough, LOST where there is no value beyond, DOUBTFUL where the closures have
+   to be looked at more closely. */
+static int64_t advance(const lmoc_taylor *y, lmoc_walk *s, int64_t going) {
+  const int64_t n = y->call->n;
+  double h[LMOC_LANES], reached[LMOC_LANES], missed[LMOC_LANES];
+  int64_t stopped = 0, taken = 0, steps[LMOC_LANES];
+  choose(y, s, going);
+  LMOC_EACH_LANE {
+    steps[l] = s->steps[l];
+    h[l] = s->ahead[l];
+    reached[l] = s->time[l] + h[l];
+    if (!(going & BIT(l)) || s->begins[l]) continue;
+    if (s->time[l] + 1.001*h[l] >= s->end) { reached[l] = s->end; h[l] = s->ahead[l] = s->end - s->time[l]; }
+    s->length[l] = h[l];
+    if (h[l] <= 8e-16 * fabs(reached[l]) || h[l] < 1e-300) stopped |= stopped_with(s, l, LMOC_SHORT);
+  }
+  if (stopped == going) return stopped;
+  value(n, y->order, h, s->next, s->x);
+  LMOC_EACH_LANE
+    for (int64_t i = 0; s->begins[l] && i < n; i++) s->x[LMOC_AT(i) + l] = Q(s->next, i, 0);
+#ifndef LMOC_OF_LANES
+  if (doubtful(y, s, h[0], reached[0])) return stopped_with(s, 0, LMOC_DOUBTFUL);
+  const int lost = lmoc_taylor_series(y, reached[0], s->x, s->q);
+#else
+  const int lost = LMOC_NAME(lmoc_taylor_series)(y, reached, s->x, s->q);
+#endif
+  defect(n, y->order, h, s->rtol, s->atol, s->next, s->q, missed);
+  LMOC_EACH_LANE
+    if (going & ~stopped & BIT(l) && is_taken(s, l, reached[l], (lost >> l) & 1, missed[l], &stopped)) taken |= BIT(l);
+  swap(n, s, taken, going);
+  LMOC_EACH_LANE
+    if (s->steps[l] > steps[l]) {
+      lmoc_mark(y->call);
+      if (s->hook) s->hook->keep(s->hook->own);
+      if (!output(y, s, l) || s->steps[l] >= s->most[l] || s->time[l] >= s->end) stopped |= stopped_with(s, l, 0);
+    }
+  return stopped;
+}
+
+int64_t LMOC_NAME(lmoc_taylor_go)(const lmoc_taylor *y, lmoc_walk *s) {
+  int64_t going = 0, stopped = 0;
+  LMOC_EACH_LANE if (s->most[l] > 0 && s->time[l] < s->end) going |= BIT(l);
+  while (going && !stopped) stopped = advance(y, s, going);
+  for (int64_t i = 0; i < y->call->n; i++) LMOC_ROW(s->x, i) = ROW(s->next, i*N_SERIES, 0);
+  return stopped;
+}
+
+#ifndef LMOC_OF_LANES
+
+int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_walk *s) {
+  lmoc_walk_afresh(s, 0);
+  lmoc_taylor_go(y, s);
+  return (int)s->found[0];
+}
+
+#endif

@@ -11,23 +11,37 @@ typedef struct {
   int64_t order;
 } lmoc_taylor;
 
-/* A walk of many steps. `next` is the series that begins at `time`, `q` that of the last step, from `before`. */
+/* A walk of many steps; of lanes, each with its own. `next` is the series that begins at `time`, `q` that of the last
+   step, from `before`. */
 typedef struct {
-  double time, before, end, longest, length, rtol;
-  const double *atol;
-  double *q, *next, *x, *between;
-  int64_t steps, most, tries;        /* steps in this call, at most in this call; and tried */
-  const double *times;               /* output times ahead … */
-  double *out;                       /* … and the states at them, as far as there is room */
-  int64_t outputs, reached, room;
-  const lmoc_step_hook *hook;            /* or 0 */
+  double time[LMOC_LANES], before[LMOC_LANES], end, longest, length[LMOC_LANES], rtol[LMOC_LANES];
+  const double *atol;                /* (n, lanes) */
+  double *q, *next, *x, *between;    /* (n, LENGTH, lanes), (n, lanes) */
+  int64_t steps[LMOC_LANES], most[LMOC_LANES], tries[LMOC_LANES]; /* in this call, at most in it; and tried */
+  const double *times[LMOC_LANES];   /* output times ahead … */
+  double *out[LMOC_LANES];           /* … and the states at them, as far as there is room */
+  int64_t outputs[LMOC_LANES], reached[LMOC_LANES], room[LMOC_LANES];
+  const lmoc_step_hook *hook;        /* or 0; looks at single runs */
+  int64_t found[LMOC_LANES];         /* what there is instead of a further step, or 0 */
+  int64_t begins[LMOC_LANES];        /* whether only the state is known, in `next`, and the series is to be found first */
+  double ahead[LMOC_LANES];          /* the step that is tried; 0 where it has to be chosen */
 } lmoc_walk;
 
-/* Coefficients 0 … order of the states at (time, x) into q, (n, LENGTH). Returns 0 where all of them are numbers. */
-int lmoc_taylor_series(const lmoc_taylor *y, double time, const double *x, double *q);
+/* Coefficients 0 … order of the states at (time, x) into q, (n, LENGTH, lanes). Returns 0 where all of them are numbers,
+   else the bits of the lanes where not. */
+int LMOC_NAME(lmoc_taylor_series)(const lmoc_taylor *y, lmoc_times time, const double *x, double *q);
+
+/* Count from zero what a lane does from here on. */
+static inline void lmoc_walk_afresh(lmoc_walk *s, int64_t lane) {
+  s->steps[lane] = s->tries[lane] = s->reached[lane] = s->found[lane] = 0;
+  s->ahead[lane] = 0;
+}
 
 /* Steps with their output: as many as allowed, until the end or until there is no room for output within the last one.
-   Returns what that has; `x` is the state at `time`. */
+   Ends as soon as one lane has stopped, and returns the bits of those that have; `x` is the state at `time`. */
+int64_t LMOC_NAME(lmoc_taylor_go)(const lmoc_taylor *y, lmoc_walk *s);
+
+/* The same for one run, counted from zero; returns what it has found. */
 int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_walk *s);
 
 #endif

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lmoc.engine.kernel import Call, Kernel
-from lmoc.engine.library import library
+from lmoc.engine.library import address, library
 from lmoc.lower.recurrences import NoSeries
 from lmoc.lower.series import LENGTH, Series, series_of
 from lmoc.lower.tape import Tape
@@ -16,12 +16,14 @@ from lmoc.numerics.evaluate.engine_system import EngineSystem, has_branches, pla
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 
+_LARGEST = 20_000  # numbers of a run, of which there are as many as lanes in the cache
+
 
 class _Series(ctypes.Structure):
     """``lmoc_series`` in ``engine/c/series.h``."""
 
     _fields_ = [
-        *[(name, ctypes.c_void_p) for name in ("w", "start", "code", "source")],
+        *[(name, ctypes.c_void_p) for name in ("order", "open", "solve", "w", "start", "code", "source")],
         *[(name, ctypes.c_int64) for name in ("count", "clock")],
         *[(name, ctypes.c_void_p) for name in ("states", "derivatives", "of_register", "s")],
     ]
@@ -44,6 +46,8 @@ class Walk(ctypes.Structure):
         ("out", ctypes.c_void_p),
         *[(name, ctypes.c_int64) for name in ("outputs", "reached", "room")],
         ("hook", ctypes.c_void_p),
+        *[(name, ctypes.c_int64) for name in ("found", "begins")],
+        ("ahead", ctypes.c_double),
     ]
 
 
@@ -55,6 +59,61 @@ def plan_series(plan: Plan) -> Series | str:
         return series_of(plan.program, plan.count, plan.once(plan_tape).size, plan.states, plan.derivatives)
     except NoSeries as reason:
         return str(reason)
+
+
+def _with_series(
+    plan: Plan, series: Series, call: Call, start: Kernel, coefficients: np.ndarray, of: str = ""
+) -> WithSeries:
+    """Return what C needs for the series of a plan, whose coefficients have that memory; of order 0 as yet.
+
+    Parameters
+    ----------
+    of : ending of the names of the functions in C
+    """
+    tables = [series.of_register[r] for r in (plan.states, plan.derivatives)]
+    tables += [series.of_register, coefficients]
+    addresses = *start.addresses, series.code.ctypes.data, series.source.ctypes.data
+    functions = [address(f"lmoc_series_{name}{of}") for name in ("order", "open", "solve")]
+    own = _Series(*functions, *addresses, len(series.source), series.clock, *(t.ctypes.data for t in tables))
+    found = WithSeries(ctypes.pointer(call), ctypes.pointer(own), 0)
+    found.kept = tables, start
+    return found
+
+
+class SeriesInLanes:
+    """The series of as many runs of a plan at a time as the engine has lanes.
+
+    One at a time where a block is sparse, whose order of pivots is that of one run, or where a run fills the cache.
+
+    Attributes
+    ----------
+    lanes : how many; 0 for one
+    in_c : what C needs; its order is to be set
+    memory : for the steps of that many runs
+    blocks : behind the program, and behind the coefficients of order zero
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        series, engine = plan.once(plan_series), library()
+        assert isinstance(series, Series)
+        tapes = plan.once(plan_tape), series.start
+        alone = series.start.size > _LARGEST or any(b.pattern is not None for tape in tapes for b in tape.blocks)
+        self.lanes, length = (0, LENGTH) if alone else (engine.lmoc_lane_count(), engine.lmoc_lane_length())
+        lanes, of = max(1, self.lanes), "_lanes" if self.lanes else ""
+        w = _aligned(series.start.size * lanes)
+        kernel, start = (Kernel(tape, w=w, lanes=self.lanes) for tape in tapes)
+        call = kernel.call(plan.states, plan.derivatives)
+        self.in_c = _with_series(plan, series, call, start, _aligned(len(series.source) * length * lanes), of)
+        self.memory = _aligned((2 * length + 3) * len(plan.states) * lanes)
+        self.blocks = len(kernel.tape.blocks), len(start.tape.blocks)
+        self._kept = kernel
+
+
+def _aligned(count: int) -> np.ndarray:
+    """Return zeros that begin where a line of the cache does."""
+    found = np.zeros(count + 8)
+    first = -found.ctypes.data // 8 % 8
+    return found[first : first + count]
 
 
 class TaylorSystem(EngineSystem):
@@ -73,12 +132,7 @@ class TaylorSystem(EngineSystem):
         self._of = series
         super().__init__(plan)
         self._start = Kernel(series.start, w=self.kernel.w)
-        self._coefficients = np.zeros((len(series.source), LENGTH))
-        self._tables = tuple(series.of_register[r] for r in (plan.states, plan.derivatives))
-        addresses = *self._start.addresses, series.code.ctypes.data, series.source.ctypes.data
-        tables = (*self._tables, series.of_register, self._coefficients)
-        own = _Series(*addresses, len(series.source), series.clock, *(t.ctypes.data for t in tables))
-        self._taylor = WithSeries(ctypes.pointer(self._own), ctypes.pointer(own), 0)
+        self._taylor = _with_series(plan, series, self._own, self._start, np.zeros((len(series.source), LENGTH)))
         self._engine, self._reference = library(), ctypes.byref(self._taylor)
 
     def _kernel(self, tape: Tape) -> Kernel:

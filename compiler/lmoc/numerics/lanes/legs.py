@@ -8,10 +8,9 @@ import numpy as np
 
 from lmoc.engine.kernel import Call
 from lmoc.engine.library import library
-from lmoc.lower.series import LENGTH
 from lmoc.numerics.evaluate.engine_stepper import EngineStepper, Steps
 from lmoc.numerics.evaluate.engine_system import EngineSystem
-from lmoc.numerics.evaluate.taylor_system import TaylorSystem, Walk, WithSeries
+from lmoc.numerics.evaluate.taylor_system import SeriesInLanes, WithSeries
 from lmoc.numerics.problem.status import Status
 
 LEG = np.dtype(
@@ -41,7 +40,7 @@ class _Lanes(ctypes.Structure):
         ("out", ctypes.c_void_p),
         ("steps", ctypes.POINTER(Steps)),
         ("taylor", ctypes.POINTER(WithSeries)),
-        ("walk", ctypes.POINTER(Walk)),
+        ("memory", ctypes.c_void_p),
     ]
 
 
@@ -75,7 +74,6 @@ class Legs:
         order : of a Taylor series; None for DOP853
         among : legs of the same runs with another method: what is known of the runs is in one place
         """
-        n = x.shape[1]
         if among is None:
             self._stand_at_the_beginning(base, x, begin, times)
         else:
@@ -85,6 +83,7 @@ class Legs:
         arrays = [a.ctypes.data for a in (self.base, self.x, self.atol, self.state)]
         registers = base.shape[1], len(system.kernel.tape.blocks)
         span = end, longest, patience, 0, _SEEN, self.times.ctypes.data, len(times), self.out.ctypes.data
+        self._series: SeriesInLanes | None = None
         if order is None:
             self._stepper = EngineStepper(system)
             steps = self._stepper.steps()
@@ -92,15 +91,11 @@ class Legs:
             call = ctypes.pointer(system.shared_call())
             self._lanes = _Lanes(call, *registers, 0, *arrays, *span, ctypes.pointer(steps), None, None)
         else:
-            self._system = own = system.plan.once(TaylorSystem)
-            own.prepare(*system.given)
-            walk, self._memory = own.new_walk(end, longest, 0.0), np.zeros((2, n, LENGTH))
-            self._places = np.zeros((2, n))
-            walk.x, walk.between = (a.ctypes.data for a in self._places)
-            walk.q, walk.next = (a.ctypes.data for a in self._memory)
-            series, call = own.with_series(order), ctypes.pointer(own.shared_call())
-            blocks = base.shape[1], len(own.kernel.tape.blocks), own.start_blocks
-            self._lanes = _Lanes(call, *blocks, *arrays, *span, None, ctypes.pointer(series), ctypes.pointer(walk))
+            own = system.plan.once(SeriesInLanes)
+            own.in_c.order = order
+            blocks = base.shape[1], *own.blocks
+            self._series, memory = own, own.memory.ctypes.data
+            self._lanes = _Lanes(own.in_c.call, *blocks, *arrays, *span, None, ctypes.pointer(own.in_c), memory)
 
     def _stand_at_the_beginning(self, base: np.ndarray, x: np.ndarray, begin: float, times: np.ndarray) -> None:
         runs, n = x.shape
@@ -118,7 +113,9 @@ class Legs:
         """
         chosen = np.ascontiguousarray(which, np.int64)
         self._lanes.goes_on = goes_on
-        self._engine.lmoc_lanes_walk(ctypes.byref(self._lanes), len(chosen), chosen.ctypes.data)
+        together = self._series is not None and self._series.lanes
+        walk = self._engine.lmoc_lanes_walk_lanes if together else self._engine.lmoc_lanes_walk
+        walk(ctypes.byref(self._lanes), len(chosen), chosen.ctypes.data)
 
     def differences(self, which: np.ndarray, shift: np.ndarray, goes_on: bool = False) -> np.ndarray:
         """Return the Jacobians (k, n, n) where k of the runs stand, from states shifted by that (k, n).

@@ -1,0 +1,4 @@
+/* Taylor coefficients of several runs at a time. */
+
+#define LMOC_OF_LANES
+#include "series.c"
