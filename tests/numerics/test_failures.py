@@ -15,6 +15,7 @@ from lmoc.numerics.options.options import ADAPTIVE, MOREAU, SOLVERS, RunOptions
 from lmoc.numerics.problem import base
 from lmoc.numerics.run.one_segment import SegmentSolver
 from lmoc.numerics.run.simulate import simulate
+from lmoc.numerics.steps import loop
 from lmoc.numerics.steps.choice import table
 from lmoc.numerics.steps.roots import RootFinder
 from lmoc.numerics.sundials import sundials
@@ -103,6 +104,16 @@ def test_a_value_that_is_lost_and_comes_back_is_told():
     assert lost("sqrt((x - 5.01)^2 - 1)", stop=10) == ["y has no finite value (nan) at t = 4.02 s"]
     assert not lost("sqrt((x - 5.01)^2 - 1)", stop=4)
     assert not lost("sqrt((x - 5.01)^2 - 1)", times=[0, 3, 7])
+
+
+def test_a_kink_is_not_the_reason_of_short_steps(monkeypatch):
+    """It rings at 1 GHz through a kink, in a run of a second: it turns back on both sides, but not at the kink."""
+    monkeypatch.setattr(loop, "_STALL", 300)
+    text = """model A Real x(start = 1, fixed = true); Real v(start = 0, fixed = true); equation der(x) = v;
+      der(v) = -1e7*v - 1e18*smooth(0, if x > 0 then x else 2*x); end A;"""
+    with pytest.raises(lmoc.SimulationError) as raised:
+        lmoc.compile_text(text).simulate(stop=1)
+    assert "steps" in str(raised.value) and "back and forth" not in str(raised.value)
 
 
 def test_a_value_that_nobody_takes_is_not_missed():

@@ -66,8 +66,8 @@ class Problem:
     compiled_guard : the same and the guard in C; None where they are left to Python
     index_one : what IDA integrates in place of the system, with the states first among its components
     whole : s, the end of the run of which this is a part; NaN where this is all of it
-    held : (t, x) -> bool, whether jumps of the equations keep the motion there; asked where the steps hardly get on.
-        None where nothing jumps
+    held : (t, x, length of the latest steps) -> bool, whether jumps of the equations keep the motion there; asked where
+        the steps hardly get on. None where nothing jumps
     spent : by plan, what the segments of the run so far have cost; kept up to date on the way
     """
 
@@ -96,7 +96,7 @@ class Problem:
     compiled_guard: CompiledGuard | None = None
     index_one: OpenedSystem | None = None
     whole: float = np.nan
-    held: Callable[[float, np.ndarray], bool] | None = None
+    held: Callable[[float, np.ndarray, float], bool] | None = None
     spent: dict[Plan, PlanCost] = field(default_factory=dict)
 
     @property

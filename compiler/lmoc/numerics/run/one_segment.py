@@ -146,18 +146,18 @@ class SegmentSolver:
         _report_steps(found, self.task.report)
         return found
 
-    def holding_jump(self, segment: Segment, t: float, x: np.ndarray) -> str:
-        """Describe the jump of an equation that keeps the motion at a place; empty where none does."""
+    def holding_jump(self, segment: Segment, t: float, x: np.ndarray, step: float) -> str:
+        """Describe the jump of an equation that keeps the motion at a place by such steps; empty where none does."""
         found, span = segment.plan.once(jumps), self.task.span
         if not found:
             return ""
-        return chatters(found, segment.observer, segment.system, (t, x), span.end - span.start)
+        return chatters(found, segment.observer, segment.system, (t, x), span.end - span.start, step)
 
     def why_slow(self, segment: Segment, outcome: Outcome) -> str:
         """Return why a run with ever shorter steps cannot go on, where a jump of an equation is the reason; else ""."""
         if outcome.status not in _SLOW:
             return ""
-        jump = self.holding_jump(segment, outcome.time, outcome.x)
+        jump = self.holding_jump(segment, outcome.time, outcome.x, outcome.step)
         return f"{jump} ({FRICTION_HINT})" if jump else ""
 
     def _problem(self, segment: Segment, x: np.ndarray, bounds: Bounds) -> Problem:
@@ -177,8 +177,8 @@ class SegmentSolver:
                 states = np.array([bounds.kept(t, x) for t, x in zip(times[first:].tolist(), states)])
             segment.recorder(first + done, states)
 
-        def held(t: float, x: np.ndarray) -> bool:
-            return bool(self.holding_jump(segment, t, x))
+        def held(t: float, x: np.ndarray, step: float) -> bool:
+            return bool(self.holding_jump(segment, t, x, step))
 
         return Problem(
             segment.system,

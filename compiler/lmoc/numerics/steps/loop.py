@@ -181,7 +181,7 @@ class Loop:
         ahead = (problem.whole if whole else problem.end) - problem.t
         if run.t - at >= (done - before) * PACE * ahead:
             return _OK
-        if problem.held is not None and problem.held(run.t, run.x):
+        if problem.held is not None and problem.held(run.t, run.x, (run.t - at) / (done - before)):
             return Status.CHATTERING
         status = problem.guard.stuck(Status.CRAWLING) if guarded else _OK
         return _OK if status is Status.CRAWLING else status
