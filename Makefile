@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 DEMO := models/notes/ex05_suspension.lmo
 PICTURE := out/suspension.png
 
-.PHONY: help demo test test-random test-machines fuzz lint grammar docs charts bench-quick clean
+.PHONY: help demo test test-random test-machines fuzz lint grammar wasm docs charts bench-quick clean
 
 help:
 	@echo "make demo         run the suspension of the notes and draw a picture of it"
@@ -17,6 +17,7 @@ help:
 	@echo "make fuzz         20 000 mutated models: no traceback, nothing slow, nothing large (an hour; resumable)"
 	@echo "make lint         check the style and the types of the code"
 	@echo "make grammar      write the parser's tables that come with the package"
+	@echo "make wasm         build the engine of pages, after a change of its C"
 	@echo "make docs         write the pages that are made from the program and the library"
 	@echo "make charts       chart speed against accuracy and run the failures of docs/stability.md (ten minutes;"
 	@echo "                  ONLY=andrews makes one part anew)"
@@ -47,6 +48,10 @@ lint: $(VENV)/.installed-test
 
 grammar: $(VENV)/.installed-test
 	@$(BIN)/python -c "from lmoc.syntax.tables import write_packaged; write_packaged('grammar/tables.json')"
+
+wasm: $(VENV)/.installed
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt ziglang
+	@$(BIN)/python compiler/building/wasm.py
 
 docs: $(VENV)/.installed
 	@$(BIN)/python docs/make_diagnostics.py

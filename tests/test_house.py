@@ -6,6 +6,7 @@ Imports inside functions and those for types count as well.
 import ast
 import re
 from collections.abc import Collection
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -211,3 +212,11 @@ def test_there_is_one_way_to_values_of_a_program():
     kernels = {name for name, text in texts.items() if re.search(r"\bKernel\(", text)}
     assert casadi <= CASADI and kernels <= KERNELS
     assert {name for name in FILES if "lmoc.engine.compiler" in GRAPH[name]} == {"lmoc.engine.accelerator"}
+
+
+def test_pages_carry_the_engine_of_these_sources():
+    found = spec_from_file_location("wasm", PACKAGE.parent / "building" / "wasm.py")
+    wasm = module_from_spec(found)
+    found.loader.exec_module(wasm)
+    assert wasm.DIGEST.read_text().split() == [wasm.digest()], "C that pages run has changed: make wasm"
+    assert wasm.BUILT.stat().st_size < 200_000

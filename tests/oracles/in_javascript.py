@@ -7,7 +7,7 @@ import numpy as np
 from oracles.node import run_script
 
 from lmoc.view.javascript.script import Script
-from lmoc.view.page.join import joined
+from lmoc.view.page.join import engine, joined
 
 ROUNDING = 1e-9  # of the largest value of all: where all of a unit are smaller, terms cancel in them
 
@@ -24,11 +24,14 @@ class Repeated:
     events: list[dict]
 
 
+def in_engine(module: str) -> str:
+    """A module, and the engine compiled."""
+    return f'{joined(module)}\nconst engine = compiledEngine("{engine()}");'
+
+
 def program(script: Script, body: str) -> str:
-    """A script of its own around the functions of a scene."""
-    data = json.dumps(script.data, allow_nan=False)
-    made = f"new Scene({data}, (tab, blocks) => ({script.text}))"
-    return f"{{ const scene = {made};\n{body}\n}}"
+    """A script of its own around a scene."""
+    return f"{{ const scene = new Scene({json.dumps(script.data, allow_nan=False)}, engine);\n{body}\n}}"
 
 
 def repeat(cases: list[tuple[object, Script, list[list[float]]]]) -> list[Repeated]:
@@ -41,7 +44,7 @@ def repeat(cases: list[tuple[object, Script, list[list[float]]]]) -> list[Repeat
         names.append([run.flat.variable_name(int(v)) for v in variables])
         call = f"simulate(scene, {json.dumps(changed)}, {json.dumps(run.time.tolist())}, {json.dumps(wanted)})"
         parts.append(program(script, f"const r = {call};\nr.columns = r.columns.map((c) => [...c]);\nout.push(r);"))
-    text = "\n".join([joined("repeat.js"), joined("elementary.js"), "const out = [];", *parts])
+    text = "\n".join([in_engine("repeat.js"), "const out = [];", *parts])
     found = run_script(text + "\nconsole.log(JSON.stringify(out));")
     return [
         Repeated(own, np.array(r["columns"], float).T, r["complete"], r["reason"], r["steps"], r["events"])

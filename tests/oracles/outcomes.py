@@ -146,7 +146,7 @@ def _page(dae, case: Case) -> Answer:
     run = _simulated(dae, case)
     found, own = contents(run, "page"), _of(run)
     text = json.dumps(found.data, sort_keys=True)
-    return Answer("ok", own.events, own.instants, own.signals, own.sizes, [*own.bits, _digest(found.make, text)])
+    return Answer("ok", own.events, own.instants, own.signals, own.sizes, [*own.bits, _digest(text)])
 
 
 def _digest(*parts: str | bytes) -> str:

@@ -4,18 +4,18 @@ import json
 from typing import NamedTuple
 
 import numpy as np
+from oracles.in_javascript import in_engine
 from oracles.node import run_script
 
 from lmoc.view.page.contents import contents, drawn, movers
 from lmoc.view.page.hands import run_with_hands, with_hands
-from lmoc.view.page.join import joined
 
 AGREES = 1e-6  # of the largest value
 VISIBLE = 1e-3  # from there on a page doubts itself
 SHARE = 10  # by which the error of a run may be larger than it was estimated: it and Python's have one each
 
 _BODY = """
-const repeater = new Repeater(data.script, make, data, () => performance.now());
+const repeater = new Repeater(data.script, engine, data, () => performance.now());
 const given = repeater.run(times, {});
 const names = movers(data.picture), columns = names.map((n) => given.of(n)), references = columns.map((c) => c[0]);
 const extremes = columns.map((c) => c.reduce(([a, b], v) => [Math.min(a, v), Math.max(b, v)], [Infinity, -Infinity]));
@@ -68,10 +68,10 @@ def pulled_everywhere(run):
     found = contents(run, "M")
     if not found.data["script"].get("hands"):
         return []
-    data = f"const data = {json.dumps(found.data)}, make = {found.make};"
+    data = f"const data = {json.dumps(found.data)};"
     states = f"const states = {json.dumps(run.states)};"
     times = f"const times = Float64Array.from({json.dumps(run.time.tolist())});"
-    told = run_script("\n".join([joined("worker.js"), joined("elementary.js"), data, states, times, _BODY]))
+    told = run_script("\n".join([in_engine("worker.js"), data, states, times, _BODY]))
     _, hands, _ = run_with_hands(run, movers(drawn(run, [])))
     return [_pulled(run, hands, *one) for one in told]
 

@@ -4,14 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracles.in_javascript import difference, program, repeat
+from oracles.in_javascript import difference, in_engine, program, repeat
 from oracles.node import needs_node, run_script
 
 import lmoc
 from lmoc.view.javascript import script as script_module
 from lmoc.view.javascript.script import NotWritten, Script, write_script
 from lmoc.view.javascript.sliders import Slider, sliders
-from lmoc.view.page.join import joined
 
 MODELS = Path(__file__).parents[2] / "models"
 AGREE = 1e-6  # of the largest value of the same unit
@@ -190,7 +189,7 @@ def test_no_second_branch_without_a_word():
         times = np.linspace(0, 1, 51).tolist()
         wanted = [int(script.registers[run.flat.find("y")[0]])]
         body = f"const r = simulate(scene, [], {times}, {wanted}); console.log(JSON.stringify([r, [...r.columns[0]]]));"
-        r, y = run_script("\n".join([joined("repeat.js"), joined("elementary.js"), program(script, body)]))
+        r, y = run_script("\n".join([in_engine("repeat.js"), program(script, body)]))
         x, y = 0.6 + np.array(r["time"]), np.array(y, float)
         assert r["complete"] is complete and bool(r["reason"]) is not complete
         assert np.allclose(y[x < 0.99], np.sqrt(1 - x[x < 0.99] ** 2)) and np.isnan(y[x > 1.0001]).all()

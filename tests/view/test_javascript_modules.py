@@ -1,15 +1,20 @@
 """The modules of the page by themselves, run by node against closed forms."""
 
 import json
+from base64 import b64encode
 from dataclasses import asdict, replace
+from functools import cache
 
 import numpy as np
 import pytest
+from oracles.in_javascript import in_engine
 from oracles.lawful import held_velocities
 from oracles.node import needs_node, run_script
 
+import lmoc
 from lmoc.numerics.signals.curves import fit
-from lmoc.view.javascript.script import method
+from lmoc.view.javascript.programs import packed_programs
+from lmoc.view.javascript.script import write_script
 from lmoc.view.page import join
 from lmoc.view.page.join import joined
 from lmoc.view.scene import symbols
@@ -32,20 +37,32 @@ def test_elimination_solves_and_tells_the_sign_of_the_determinant():
     assert run_script(joined("linear.js") + body) == 0
 
 
+MOVES = "model M Real a(start=1,fixed=true), b(start=0,fixed=true), c(start=1,fixed=true);\n"
+MOVES += "equation der(a) = b; der(b) = -4*a; der(c) = -c; end M;"
+
+
+@cache
+def moving() -> str:
+    """A swing and a decay, on the engine."""
+    script = write_script(lmoc.compile_text(MOVES).simulate(stop=20, points=5, solver="dop853").trajectory)
+    order = [script.data["names"].index(n) for n in "abc"]
+    made = f"const scene = new Scene({json.dumps(script.data)}, engine), order = {order};"
+    return f"{in_engine('repeat.js')}\n{made}\nscene.put([]);\n"
+
+
 def test_dop853_keeps_its_order_in_steps_and_between():
-    """A swing and a decay over 20 s: the errors fall with the tolerance, at the steps and within them."""
+    """Over 20 s the errors fall with the tolerance, at the steps and within them."""
     body = """
-    const system = { rates(t, x, out) { out[0] = x[1]; out[1] = -4*x[0]; out[2] = -x[2]; }, keep() {}, restore() {} };
     const worst = [1e-4, 1e-7, 1e-10].map((rtol) => {
-      const run = new Dop853(METHOD, system, 0, [1, 0, 1], 20, { rtol, atol: [1, 1, 1].map((a) => a*rtol/1e3) });
-      const place = new Float64Array(3);
+      const { x } = scene.data, place = Float64Array.from(x);
+      const run = new Dop853(scene, 0, x, 20, { rtol, atol: x.map(() => rtol/1e3) });
       let most = 0;
       while (run.t < 20) {
         run.step();
         for (const theta of [0, 0.3, 0.77, 1]) {
           const t = run.before + theta*(run.t - run.before);
           run.interpolate(t, place);
-          const error = Math.max(Math.abs(place[0] - Math.cos(2*t)), Math.abs(place[2] - Math.exp(-t)));
+          const error = Math.max(Math.abs(place[order[0]] - Math.cos(2*t)), Math.abs(place[order[2]] - Math.exp(-t)));
           most = Math.max(most, error);
         }
       }
@@ -53,31 +70,28 @@ def test_dop853_keeps_its_order_in_steps_and_between():
     });
     console.log(JSON.stringify(worst));
     """
-    worst = run_script(joined("dop853.js") + body.replace("METHOD", json.dumps(method())))
+    worst = run_script(moving() + body)
     assert worst[0] < 1e-2 and worst[1] < 1e-5 and worst[2] < 1e-8
 
 
-@pytest.mark.parametrize("method_called", ["dop853", "radau"])
-def test_methods_go_on_from_another_state(method_called):
+@pytest.mark.parametrize("method", ["Dop853", "Radau"])
+def test_methods_go_on_from_another_state(method):
     """A decay that is raised by 1 at the end of the step that passes t = 1."""
-    made = {"dop853": "new Dop853(METHOD, ", "radau": "new Radau("}[method_called]
-    options = "{ rtol: 1e-9, atol: [1e-12], firstStep: 1e-3 }"
     body = """
-    const system = { rates(t, x, out) { out[0] = -2*x[0]; }, keep() {}, restore() {} };
-    const run = MADE system, 0, [1], 3, OPTIONS);
+    const { x: start } = scene.data, k = order[2];
+    const run = new METHOD(scene, 0, start, 3, { rtol: 1e-9, atol: start.map(() => 1e-12), firstStep: 1e-3 });
     while (run.t < 1) run.step();
-    const [at, x] = [run.t, run.x[0]];
-    run.jump(Float64Array.from([x + 1]));
+    const [at, x] = [run.t, run.x[k]];
+    run.jump(run.x.map((v, j) => v + Number(j === k)));
     run.step();
-    const inside = new Float64Array(1);
+    const inside = Float64Array.from(start);
     run.interpolate(at, inside);
     while (run.t < 3) run.step();
-    console.log(JSON.stringify([at, x, inside[0], run.x[0]]));
+    console.log(JSON.stringify([at, x, inside[k], run.x[k]]));
     """
-    text = body.replace("MADE", made).replace("METHOD", json.dumps(method())).replace("OPTIONS", options)
-    at, before, behind, last = run_script(joined(f"{method_called}.js") + text)
-    assert at < 3 and abs(before - np.exp(-2 * at)) < 1e-8 and behind == pytest.approx(before + 1, rel=1e-12)
-    assert last == pytest.approx((np.exp(-2 * at) + 1) * np.exp(-2 * (3 - at)), rel=1e-7)
+    at, before, behind, last = run_script(moving() + body.replace("METHOD", method))
+    assert at < 3 and abs(before - np.exp(-at)) < 1e-8 and behind == pytest.approx(before + 1, rel=1e-12)
+    assert last == pytest.approx((np.exp(-at) + 1) * np.exp(-(3 - at)), rel=1e-7)
 
 
 def test_velocities_that_closed_laws_hold():
@@ -99,45 +113,15 @@ def test_curves_are_those_of_the_run(smoothness):
     knots = np.array([0.0, 0.4, 1.0, 1.0, 1.7, 2.0])
     curve = fit(knots, np.array([1.0, 3.0, 2.5, -1.0, 0.0, 4.0]), smoothness)
     times = np.sort(np.concatenate([np.linspace(-0.5, 2.5, 41), knots]))
+    plan = lmoc.compile_text(MOVES).simulate(stop=1, points=2).trajectory.observer.plan
     for order in range(smoothness + 1):
-        data = json.dumps({"order": order} | curve.pieces(order))
-        body = f"const c = {data}; console.log(JSON.stringify({times.tolist()}.map((t) => curveAt(c, t))));"
-        assert np.allclose(run_script(joined("curve.js") + body), curve(times, order), atol=1e-12)
-
-
-def test_newton_finds_the_near_solution_and_refuses_a_far_one():
-    body = """
-    const w = Float64Array.from([1.4, 0, 2]);
-    const inner = (w) => { w[1] = w[0]*w[0] - w[2]; };
-    const blocks = makeBlocks(1);
-    const go = () => { solve(blocks, 0, w, 0, [0], [1], 1, false, null, inner); return w[0]; };
-    const first = go();
-    blocks.patient = false;
-    w[2] = 2.2;
-    const near = go();
-    w[2] = 20;
-    const far = go();
-    w[2] = -1;
-    const none = go();
-    w[2] = 2;
-    console.log(JSON.stringify([first, near, far, none, go(), blocks.failed, signsOf(blocks)[0][0]]));
-    """
-    first, near, far, none, again, failed, sign = run_script(joined("blocks.js") + body)
-    assert first == pytest.approx(2**0.5, rel=1e-14) and near == pytest.approx(2.2**0.5, rel=1e-14)
-    assert far is None and none is None  # NaN
-    assert again == pytest.approx(2**0.5, rel=1e-14) and failed is True and sign == 1
-
-
-def test_linear_blocks_of_ill_scaled_equations():
-    """Large terms beside small coefficients: what a matrix from differences loses, the refinement brings back."""
-    body = """
-    const w = new Float64Array(4);
-    const inner = (w) => { w[2] = 1e-3*w[0] + 2e-3*w[1] - 5e5; w[3] = 3e-3*w[0] - 1e-3*w[1] - 1e5; };
-    solve(makeBlocks(1), 0, w, 0, [0, 1], [2, 3], 2, true, null, inner);
-    console.log(JSON.stringify([w[0], w[1]]));
-    """
-    truth = np.linalg.solve([[1e-3, 2e-3], [3e-3, -1e-3]], [5e5, 1e5])
-    assert np.allclose(run_script(joined("blocks.js") + body), truth, rtol=1e-14)
+        code, _ = packed_programs(plan, {"rhs": plan.program}, plan.count + 1, [(plan.count, order, curve)])
+        body = f"""
+        const programs = new Programs(engine, "{b64encode(code).decode()}", 3);
+        const value = (t) => (programs.sample(t), programs.w[{plan.count}]);
+        console.log(JSON.stringify({times.tolist()}.map(value)));
+        """
+        assert np.allclose(run_script(in_engine("programs.js") + body), curve(times, order), atol=1e-12)
 
 
 def test_names_of_joined_modules_are_told_apart(monkeypatch):

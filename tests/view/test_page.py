@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from oracles.browser import needs_browser, open_page
+from oracles.in_javascript import in_engine
 from oracles.node import needs_node, run_script
 
 import lmoc
@@ -260,7 +261,7 @@ def test_the_terms_that_are_shaded_add_up_at_every_instant(file):
     body = f"""
     const data = {json.dumps(found.data)}, terms = {found.terms}, names = data.jets.map((j) => j.name);
     const variables = [...data.variables, ...data.jets], given = givenAnswer(data);
-    const own = new Repeater(data.script, {found.make}, {{ variables }}, () => 0).run(given.time, {{}});
+    const own = new Repeater(data.script, engine, {{ variables }}, () => 0).run(given.time, {{}});
     const shades = new Shades({{ querySelectorAll: () => [] }}, {{}}, terms, data.terms, names);
     const sum = (side) => side.reduce((all, v) => all + v, 0);
     console.log(JSON.stringify([given, own].map((answer) => {{
@@ -274,7 +275,7 @@ def test_the_terms_that_are_shaded_add_up_at_every_instant(file):
       }});
     }})));
     """
-    sources = joined("worker.js") + joined("shades.js") + joined("elementary.js")
+    sources = in_engine("worker.js") + joined("shades.js")
     given, own = run_script(sources + body)
     marked = found.equations.count("class='term'")
     assert marked == found.terms.count("(v)=>") + found.terms.count("null") > 0

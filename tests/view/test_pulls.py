@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.in_javascript import in_engine
 from oracles.node import needs_node, run_script
 from oracles.pulls import pulled_everywhere
 from scipy.integrate import solve_ivp
@@ -13,7 +14,6 @@ from scipy.integrate import solve_ivp
 import lmoc
 from lmoc.view.page.contents import contents, drawn, movers
 from lmoc.view.page.hands import hands_at, run_with_hands, with_hands
-from lmoc.view.page.join import joined
 
 MODELS = Path(__file__).parents[2] / "models"
 
@@ -115,7 +115,7 @@ def test_what_is_pulled_in_the_page_moves_as_the_equations_say_and_the_ledger_cl
     assert hand["kind"] == "line" and hand["name"] == "body.flange"
     body = f"""
     const data = {json.dumps(found.data)}, pulls = {json.dumps(pulls)};
-    const repeater = new Repeater(data.script, {found.make}, data, () => 0);
+    const repeater = new Repeater(data.script, engine, data, () => 0);
     const times = {json.dumps(run.time.tolist())};
     const answer = repeater.run(times, {{}}, {{}}, pullsOf(data.script.hands, pulls));
     const live = new Pull(repeater, {{ times, values: {{}}, initial: {{}}, pulls }},
@@ -124,7 +124,7 @@ def test_what_is_pulled_in_the_page_moves_as_the_equations_say_and_the_ledger_cl
     console.log(JSON.stringify(["body.q", "ledger.stored", "ledger.work", "ledger.heat"].map((n) => [...answer.of(n)])
       .concat([[...same.columns.get("body.q")]])));
     """
-    q, stored, work, heat, again = np.array(run_script(joined("worker.js") + joined("elementary.js") + body))
+    q, stored, work, heat, again = np.array(run_script(in_engine("worker.js") + body))
 
     def rates(_, x, k, target):
         return [x[1], (-30 * x[0] - 0.4 * x[1] + k * (target - x[0])) / 2]
@@ -169,7 +169,7 @@ def test_a_hand_lifts_what_hangs_on_a_string_and_the_string_catches_it_again():
     later = [[0.5, "body.flange", [90, 0.4]], [1.1, "body.flange", [0, 0]]]
     body = f"""
     const data = {json.dumps(found.data)};
-    const repeater = new Repeater(data.script, {found.make}, data, () => 0);
+    const repeater = new Repeater(data.script, engine, data, () => 0);
     const told = [{json.dumps(whole)}, {json.dumps(later)}].map((pulls) => {{
       const answer = repeater.run({json.dumps(run.time.tolist())}, {{}}, {{}}, pullsOf(data.script.hands, pulls));
       const names = ["body.q", "ledger.stored", "ledger.work", "ledger.heat"];
@@ -177,7 +177,7 @@ def test_a_hand_lifts_what_hangs_on_a_string_and_the_string_catches_it_again():
     }});
     console.log(JSON.stringify(told));
     """
-    (first, times, reason), (second, events, other) = run_script(joined("worker.js") + joined("elementary.js") + body)
+    (first, times, reason), (second, events, other) = run_script(in_engine("worker.js") + body)
     assert reason == other == ""
     assert np.abs(np.array(first[0]) - truth["body.q"]).max() < 1e-5
     assert np.allclose(times, [e.time for e in truth.events], atol=1e-5) and len(times) == len(truth.events) > 0
@@ -233,12 +233,12 @@ def test_a_page_says_how_accurate_its_run_is():
     found = contents(run, "M")
     body = f"""
     const data = {json.dumps(found.data)};
-    const repeater = new Repeater(data.script, {found.make}, data, () => 0);
+    const repeater = new Repeater(data.script, engine, data, () => 0);
     const [own, finer] = [1, 0.1].map((f) => repeater.run({json.dumps(run.time.tolist())}, {{}}, {{}}, [], f));
     const told = [1e-3, 1e-9].map((most) => parting(own, finer, ["m.q"], () => "m", most));
     console.log(JSON.stringify([told, [...own.of("m.q")]]));
     """
-    (plain, strict), q = run_script(joined("worker.js") + joined("elementary.js") + body)
+    (plain, strict), q = run_script(in_engine("worker.js") + body)
     error = np.abs(q - np.cos(2 * run.time))
     assert 1e-6 < error.max() < 1e-3 and plain["from"] is None
     assert plain["missed"] == pytest.approx(error.max(), rel=0.5)

@@ -17,9 +17,9 @@ from lmoc.lower.writer import Writer
 from lmoc.support.sizes import DENSE_IN_C
 
 
-def values_tape(program: Program, registers: int) -> Tape:
-    """Write a program as a tape."""
-    writer = Writer(registers)
+def values_tape(program: Program, registers: int, taken: int = 0) -> Tape:
+    """Write a program as a tape; `taken` as of `Writer`."""
+    writer = Writer(registers, taken)
     write_program(writer, program)
     return writer.finish()
 

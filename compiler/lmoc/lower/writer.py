@@ -20,10 +20,14 @@ class Writer:
 
     What stands at a place has a number of its own, so that a value that has been computed is found again as long as
     it stands somewhere.
+
+    Parameters
+    ----------
+    taken : places that other tapes have over the same registers
     """
 
-    def __init__(self, registers: int) -> None:
-        self.registers, self.size = registers, registers
+    def __init__(self, registers: int, taken: int = 0) -> None:
+        self.registers, self.size = registers, max(registers, taken)
         self.code: list[tuple[int, ...] | None] = []
         self.blocks: list[SolveBlock] = []
         self._constants: dict[bytes, int] = {}

@@ -57,4 +57,10 @@ void lmoc_dop853_attempt(lmoc_call *c, double time, double h, double rtol, const
 void lmoc_dop853_more(lmoc_call *c, double time, double h, const double *a, const double *times, const double *x,
                       double *k, double *work);
 
+/* A first step size (Hairer, Nørsett, Wanner I, II.4), before f has been evaluated at its end, and behind that. */
+double lmoc_first_trial(int64_t n, double span, double longest, double least, double rtol, const double *atol,
+                        const double *x, const double *f);
+double lmoc_first_step(int64_t n, double h, double span, double rtol, const double *atol, const double *x,
+                       const double *f, const double *trial);
+
 #endif

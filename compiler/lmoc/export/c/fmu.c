@@ -395,25 +395,12 @@ void fmu_pass_breaks(fmu *f) {
   while (next_break(f) <= f->now.time) f->now.first_break++;
 }
 
-static double norm(int64_t n, const double *v, const double *scale) {
-  double sum = 0;
-  for (int64_t i = 0; i < n; i++) sum += v[i] / scale[i] * (v[i] / scale[i]);
-  return sqrt(sum / (double)n);
-}
-
-/* The first step (Hairer, Nørsett, Wanner I, II.4), as `dop853.initial_step` chooses it. */
-static double first_step(fmu *f, double span, const double *slope, const double *scale, double *x, double *trial) {
+static double first_step(fmu *f, double span, const double *slope, const double *atol, double *x, double *trial) {
   const int64_t n = f->model->states;
-  const double d0 = norm(n, f->x, scale), d1 = norm(n, slope, scale);
-  double h0 = d0 < 1e-5 || d1 < 1e-5 ? 1e-6 : 0.01 * d0 / d1;
-  if (!(h0 <= span)) h0 = span;
-  for (int64_t i = 0; i < n; i++) x[i] = f->x[i] + h0*slope[i];
-  lmoc_derivatives(&f->call, f->now.time + h0, x, trial);
-  for (int64_t i = 0; i < n; i++) trial[i] -= slope[i];
-  const double d2 = norm(n, trial, scale) / h0, steepest = d1 > d2 ? d1 : d2;
-  if (!(d2 * 0 == 0)) return h0 * 1e-3;
-  const double h1 = steepest <= 1e-15 ? fmax(1e-6, h0 * 1e-3) : pow(0.01 / steepest, 0.125);
-  return fmin(fmin(100*h0, h1), span);
+  const double h = lmoc_first_trial(n, span, INFINITY, f->model->rules.least, f->now.rtol, atol, f->x, slope);
+  for (int64_t i = 0; i < n; i++) x[i] = f->x[i] + h*slope[i];
+  lmoc_derivatives(&f->call, f->now.time + h, x, trial);
+  return lmoc_first_step(n, h, span, f->now.rtol, atol, f->x, slope, trial);
 }
 
 /* The states within the last step. */
@@ -437,14 +424,11 @@ static int smooth(fmu *f, double end, int *root) {
   const fmu_model *m = f->model;
   const int64_t n = m->states;
   double *at = f->work, *k = at, *slope = k + 16*n, *x_new = slope + n, *last = x_new + n, *terms = last + n,
-         *landed = terms + 7*n, *atol = landed + n, *scale = atol + n, *begin = scale + n;
+         *landed = terms + 7*n, *atol = landed + n, *begin = atol + n;
   const int found = fmu_derivatives(f, slope), watched = fmu_roots(f) > 0;
   if (found) return found;
-  for (int64_t i = 0; i < n; i++) {
-    atol[i] = f->now.rtol * 1e-3 * m->nominal[i];
-    scale[i] = atol[i] + f->now.rtol*fabs(f->x[i]);
-  }
-  if (!(f->now.wish > 0)) f->now.wish = first_step(f, end - f->now.time, slope, scale, x_new, last);
+  for (int64_t i = 0; i < n; i++) atol[i] = f->now.rtol * 1e-3 * m->nominal[i];
+  if (!(f->now.wish > 0)) f->now.wish = first_step(f, end - f->now.time, slope, atol, x_new, last);
   const lmoc_step_hook hook = {f, look, 0, keep, 0};
   lmoc_steps s = {.call = &f->call, .rules = &m->rules, .weights = m->weights, .nodes = m->nodes, .dense = m->dense,
                   .omitted = m->omitted, .atol = atol, .x = f->x, .f = slope, .x_new = x_new, .k = k, .last = last,

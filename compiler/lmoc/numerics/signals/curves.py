@@ -66,17 +66,9 @@ class Curve:
             result = result * u + c
         return result * scale**order if order else min(max(result, low), high)
 
-    def pieces(self, order: int) -> dict[str, list]:
-        """Return the derivative of an order in plain lists: knots, coefficients by piece (see there), bounds, ends."""
-        low, high = self._bounds
-        bounded = np.isfinite(low)
-        return {
-            "knots": self.knots.tolist(),
-            "coefficients": self._derivatives(order).T.tolist(),
-            "low": [float(v) if b else None for v, b in zip(low, bounded, strict=True)],
-            "high": [float(v) if b else None for v, b in zip(high, bounded, strict=True)],
-            "ends": list(self._ends),
-        }
+    def pieces(self, order: int) -> tuple[np.ndarray, ...]:
+        """Return the derivative of an order: knots, coefficients by piece (see there), its bounds, the ends."""
+        return self.knots, self._derivatives(order).T, *self._bounds, np.array(self._ends)
 
     @property
     def jumps(self) -> np.ndarray:

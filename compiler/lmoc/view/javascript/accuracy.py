@@ -6,7 +6,6 @@ import sys
 
 import numpy as np
 
-from lmoc.ir.program import Solve, walk
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.solve.jacobian import Jacobian
@@ -22,6 +21,7 @@ from lmoc.numerics.steps.automatic import (
 )
 from lmoc.numerics.steps.modes import EIGENVALUES
 from lmoc.numerics.task.sizes import assumed_sizes
+from lmoc.view.javascript.programs import unknowns_of
 
 
 def absolute_tolerances(observer: Observer, time: float, x: np.ndarray, rtol: float) -> np.ndarray:
@@ -58,12 +58,7 @@ def refinement(observer: Observer, time: float, x: np.ndarray) -> dict[str, floa
 
 def seeds(observer: Observer, time: float, x: np.ndarray) -> list[list[float]]:
     """Return [register, value] of the unknowns of nonlinear blocks at the start: the branch of the run."""
-    unknowns = [
-        s.unknowns.ravel() for s in walk(observer.plan.full_program) if isinstance(s, Solve) and not s.linear
-    ]
-    if not unknowns:
-        return []
-    registers = np.unique(np.concatenate(unknowns))
+    registers = unknowns_of(observer.plan)
     values = [float(observer.register(r, np.array([time]), x[None])[0]) for r in registers.tolist()]
     return [[r, v] for r, v in zip(registers.tolist(), values, strict=True) if np.isfinite(v)]
 

@@ -14,9 +14,8 @@ from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.observe.observer import Observer
 from lmoc.view.javascript.laws import ledger_states
+from lmoc.view.javascript.programs import Programs
 from lmoc.view.javascript.registers import VariableRegisters
-
-Programs = dict[str, Program | list[Program]]
 
 
 def write_events(observer: Observer, places: VariableRegisters) -> tuple[Programs, dict[str, Any]]:

@@ -1,11 +1,12 @@
-"""A run as JavaScript: what a page needs to simulate the scene again with other parameter values.
+"""A run as data: what a page needs to simulate the scene again with other parameter values.
 
-The functions are written from the plan of the run; the registers are those of the plan, behind them the parameters of
-the flat model that something is computed from. What is a number is data, so that the text has no names in it.
+The programs are those of the plan of the run, which the engine runs in the page; the registers are those of the plan,
+behind them the parameters of the flat model that something is computed from.
 """
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,7 +16,6 @@ from lmoc.expression.dag import ONE, TIME, ZERO, if_, slot
 from lmoc.ir.flat import Assignments, FlatDAE, Kind
 from lmoc.ir.law import JENKINS
 from lmoc.ir.program import Apply, Program, Step, read, written
-from lmoc.numerics.dop853 import table as dop853_table
 from lmoc.numerics.observe.event import STEP
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import Trajectory
@@ -24,16 +24,16 @@ from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.activity import lookout
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import REQUESTED
+from lmoc.numerics.signals.curves import Curve
 from lmoc.numerics.signals.signals import Function, break_times
 from lmoc.numerics.signals.tables import Table
 from lmoc.support.records import dataclass
 from lmoc.view.javascript.accuracy import absolute_tolerances, refinement, seeds
-from lmoc.view.javascript.code import Writer
 from lmoc.view.javascript.coordinates import pairs, passage, passed, write_constraints
-from lmoc.view.javascript.events import Programs, write_events
+from lmoc.view.javascript.events import write_events
 from lmoc.view.javascript.laws import write_laws
+from lmoc.view.javascript.programs import Programs, packed_programs
 from lmoc.view.javascript.start import start_program
-from lmoc.view.javascript.varying import varying_registers
 
 FINER = 0.1  # factor on the tolerance where the run has used a method that the page does not have
 MOST_ROWS = 5_000  # of all steps: more makes a large page, and a run that takes seconds
@@ -45,25 +45,23 @@ class NotWritten(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Script:
-    """The functions and the data from which a page simulates.
+    """The data from which a page simulates.
 
     Attributes
     ----------
-    text : the JavaScript expression of ``{parameters, start, rhs, observe, breaks, …}``, functions of ``(w, time)`` and
-        lists of such, where `tab`, `blocks` and the names of `elementary.js` and `blocks.js` are known
-    data : what `simulate.js` reads, in plain lists, numbers and texts; None stands for NaN
+    data : what `simulate.js` reads, in plain lists, numbers and texts; None stands for NaN. `code` are the programs as
+        bytes in base64, `programs` the numbers that they have there
     slots : (flat.count,) where the value of each parameter stands, -1 where nothing is computed from it
     registers : (flat.count,) where the value of each variable stands after ``observe``, -1: nowhere
     """
 
-    text: str
     data: dict
     slots: np.ndarray
     registers: np.ndarray
 
 
 def write_script(trajectory: Trajectory, stop: float | None = None) -> Script:
-    """Return a run as JavaScript.
+    """Return a run as data of a page.
 
     Parameters
     ----------
@@ -104,7 +102,6 @@ def _other_choices(trajectory: Trajectory) -> Iterator[tuple[Observer, float, np
 def _with_choices(first: _Scene, others: list[_Scene]) -> Script:
     """Return the script of a run that changes its coordinates."""
     main, rest = first.script(), [scene.script() for scene in others]
-    text = ",\n".join(f"(tab, blocks) => ({script.text})" for script in rest)
     data = [
         script.data | {"slots": pairs(main.slots, script.slots), "observed": pairs(main.registers, script.registers)}
         for script in rest
@@ -112,7 +109,7 @@ def _with_choices(first: _Scene, others: list[_Scene]) -> Script:
     scenes = [first, *others]
     passages = [[passage(a.observer, b.plan) for b in scenes] for a in scenes]
     choices = {"choices": data, "passages": passages}
-    return Script(f"{{ ...{main.text}, choices: [{text}] }}", main.data | choices, main.slots, main.registers)
+    return Script(main.data | choices, main.slots, main.registers)
 
 
 def _check(trajectory: Trajectory) -> None:
@@ -181,7 +178,6 @@ class _Scene:
 
     def script(self) -> Script:
         plan = self.plan
-        writer = Writer(varying=varying_registers(plan))
         used = plan.read_parameters
         copied = Apply(slot(0), self.of_parameters(used[1])[:, None], used[0])
         x, base = self.first
@@ -196,27 +192,22 @@ class _Scene:
         steps = (*self._bindings(reading, _read_by_hand(laws, events)), *steps, *start.wanted, *judged)
         base = np.array(self.base)
         base[np.concatenate([np.zeros(0, int), *map(written, steps)])] = np.nan
-        rates = writer.function(plan.program)
-        watched = len(writer.blocks)  # the motion depends on these alone
-        functions: Programs = {
+        programs: Programs = {
             "parameters": steps,
             "start": start.program,
             "observe": plan.full_program,
             "breaks": breaks,
+            "rhs": plan.program,
+            "constraints": constraints,
         }
-        functions |= happening | {"constraints": constraints}
-        text = ",\n".join(f"{name}: {_written(program, writer)}" for name, program in functions.items())
-        text += f",\nrhs: {rates}"
+        code, numbers = packed_programs(plan, programs | happening, self.count, self._curves())
         data = {
-            "count": self.count,
+            "code": b64encode(code).decode(),
+            "programs": numbers,
             "base": _numbers(base),
-            "tables": writer.tables,
-            "blocks": len(writer.blocks),
-            "watched": watched,
             "seeds": seeds(self.observer, self.time, self.x),
             "states": plan.states.tolist(),
             "names": [plan.reduced.register_name(int(r)) for r in plan.states],
-            "derivatives": plan.derivatives.tolist(),
             "x": _numbers(x),
             "held": start.held,
             "met": start.met,
@@ -225,7 +216,6 @@ class _Scene:
             "rtol": self.rtol,
             "atol": absolute_tolerances(self.observer, self.time, self.x, self.rtol).tolist(),
             "refine": refinement(self.observer, self.time, self.x) if self.automatic else None,
-            "curves": self._curves(),
             "breakTimes": break_times(self.observer.signals, self.begin, self.stop, kinks.MOST // 10).tolist(),
             "checks": checks,
             "watch": watch,
@@ -234,11 +224,10 @@ class _Scene:
             "lines": lines,
             "switches": switches,
             "bounds": self._bounds(),
-            "method": method(),
         }
         registers = plan.reduced.register_of.copy()
         registers[self.undetermined] = -1
-        return Script(f"{{\n{text}\n}}", data, self.slots, registers)
+        return Script(data, self.slots, registers)
 
     def _happening(self) -> tuple[Programs, dict | None, dict | None]:
         """Return the programs of laws and events, and the data of both; None where the scene has none."""
@@ -309,13 +298,13 @@ class _Scene:
                 lines += np.stack([slope, offset], axis=1).tolist()
         return tuple(steps), lines, switches
 
-    def _curves(self) -> list[dict]:
-        """Return tables as piecewise polynomials of their own derivatives."""
+    def _curves(self) -> list[tuple[int, int, Curve]]:
+        """Return which derivative of which table stands in which register."""
         found = []
         for register, (variable, order) in zip(self.plan.sampled.tolist(), self.plan.samplers, strict=True):
             signal = self.observer.signals[variable]
             assert isinstance(signal, Table)
-            found.append({"register": register, "order": order} | signal.curve.pieces(order))
+            found.append((register, order, signal.curve))
         return found
 
     def _bounds(self) -> list[list[float]]:
@@ -335,18 +324,6 @@ def _read_by_hand(laws: dict | None, events: dict | None) -> list[int]:
 
 def _flat(programs: Programs) -> list[Program]:
     return [one for p in programs.values() for one in (p if isinstance(p, list) else [p])]
-
-
-def _written(program: Program | list[Program], writer: Writer) -> str:
-    if isinstance(program, list):
-        return "[" + ",\n".join(writer.function(one) for one in program) + "]"
-    return writer.function(program)
-
-
-def method() -> dict:
-    """Return the coefficients of DOP853 as `dop853.js` reads them."""
-    rows = {"a": dop853_table.A, "b": dop853_table.B, "c": dop853_table.C, "d": dop853_table.D}
-    return {name: m.tolist() for name, m in (rows | {"e3": dop853_table.E3, "e5": dop853_table.E5}).items()}
 
 
 def _numbers(values: np.ndarray) -> list[float | None]:

@@ -25,7 +25,7 @@ from lmoc.view.javascript.script import Script
 from lmoc.view.page.equations import page_equations
 from lmoc.view.page.modes import modes_data
 from lmoc.view.page.parts import parts_data
-from lmoc.view.page.simulation import function_text, script_data, unit_shown, write_run
+from lmoc.view.page.simulation import script_data, unit_shown, write_run
 from lmoc.view.page.terms import jets_data, terms_of
 from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.picture import Circle, Item, Label, Path, Picture
@@ -48,14 +48,12 @@ class Contents:
     Attributes
     ----------
     data : for JSON; None stands for NaN
-    make : the functions of the page's own simulation as JavaScript, "null" without
     missing : what is not shown, and why, in sentences
     equations : HTML
     terms : their terms as functions of JavaScript, by mode, equation and side
     """
 
     data: dict[str, Any]
-    make: str
     missing: list[str]
     equations: str
     terms: str
@@ -104,8 +102,7 @@ def contents(run: Result, title: str) -> Contents:
         "jets": [jet | {"column": len(table.columns) + k} for k, jet in enumerate(jets_data(terms, run, own))],
         "terms": terms.modes,
     }
-    make = "null" if script is None else function_text(script)
-    return Contents(data, make, missing, equations.html, terms.text)
+    return Contents(data, missing, equations.html, terms.text)
 
 
 def _plain_names(run: Result, names: Sequence[str]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from functools import cache
 from importlib.resources import files
 
@@ -15,6 +16,12 @@ _NAME = re.compile(r"^(?:async )?(?:function\*?|class|const|let) +(\{[^}]*\}|[\w
 def asset(name: str) -> str:
     """Return the text of a file."""
     return (files("lmoc.view.page") / "assets" / name).read_text(encoding="utf-8")
+
+
+@cache
+def engine() -> str:
+    """Return the engine in WebAssembly, in base64."""
+    return b64encode((files("lmoc.view.page") / "assets" / "engine.wasm").read_bytes()).decode()
 
 
 @cache

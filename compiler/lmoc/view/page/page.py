@@ -15,7 +15,7 @@ from lmoc.report.summary import counted, energy_text, stages, times_text
 from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
 from lmoc.view.page.contents import Contents, contents
-from lmoc.view.page.join import asset, joined
+from lmoc.view.page.join import asset, engine, joined
 
 UPLOT = "1.6.32"
 
@@ -54,8 +54,8 @@ class Page:
             "licence": escape(asset("uplot-LICENSE.txt")),
             "data": json_text(found),
             "script": joined("main.js"),
-            "worker": joined("worker.js") + joined("elementary.js"),
-            "make": found.make,
+            "worker": joined("worker.js"),
+            "engine": engine(),
         })  # fmt: skip
 
     def save(self, path: str | Path) -> Path:

@@ -1,4 +1,4 @@
-"""The page's own simulation: the run as JavaScript, its sliders, and what can be pulled in it."""
+"""The page's own simulation: the run as data, its sliders, and what can be pulled in it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class OwnRun:
 
 
 def write_run(run: Result, moving: Sequence[str]) -> OwnRun:
-    """Return the run as JavaScript, or why there is none; `moving` are the variables that move the picture."""
+    """Return what the page needs to simulate, or why it cannot; `moving` are the variables that move the picture."""
     if len(run.time) < 2 or not len(run.trajectory.segments[0].time):
         return OwnRun(run, reason="the run has fewer than two output times")
     try:
@@ -68,7 +68,7 @@ def _with_hands(run: Result, moving: Sequence[str]) -> OwnRun | None:
 
 
 def _size(script: Script) -> int:
-    return len(script.text) + len(json.dumps(script.data))
+    return len(json.dumps(script.data))
 
 
 def script_data(run: Result, own: OwnRun) -> dict[str, Any]:
@@ -79,11 +79,6 @@ def script_data(run: Result, own: OwnRun) -> dict[str, Any]:
     order = sorted(found, key=lambda s: bool(s.fixed))
     parameters = [asdict(s) | {"unit": unit_shown(s.unit)} for s in order]
     return own.script.data | {"reason": "", "parameters": parameters, **own.hands}
-
-
-def function_text(script: Script) -> str:
-    """Return what makes the functions of a script, as JavaScript."""
-    return f"(tab, blocks) => ({script.text})"
 
 
 def unit_shown(unit: str) -> str:

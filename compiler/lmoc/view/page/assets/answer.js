@@ -1,8 +1,13 @@
 // The result of a run: values of variables over time, from the compiler or from the page's own simulation.
 
+/** Bytes from their base64 text. */
+export function decodeBytes(text) {
+  return Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+}
+
 /** Numbers from the base64 text of 32-bit or 64-bit floats (little-endian, as every browser has them). */
 export function decode(text, bits) {
-  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const bytes = decodeBytes(text);
   return bits === 64 ? new Float64Array(bytes.buffer) : new Float32Array(bytes.buffer);
 }
 

@@ -10,7 +10,7 @@ export function nextTime(discrete, t, include = false) {
   for (const { start, interval } of own.samples) {
     start.forEach((register, k) => (found = Math.min(found, tick(w[register], w[interval[k]], least))));
   }
-  scene.functions.timed(w, t);
+  scene.functions.timed(t);
   for (const { op, slope, offset } of own.timed) {
     slope.forEach((register, k) => {
       const [rate, shift] = [w[register], w[offset[k]]];

@@ -14,7 +14,7 @@ export class Watch {
     Object.assign(this, { scene, own: scene.data.watch });
     const { rows, columns } = this.own;
     this.size = new Float64Array(rows * columns); // largest entries so far
-    this.rate = new Float64Array(scene.data.derivatives.length);
+    this.rate = new Float64Array(scene.data.states.length);
     this.accepted = this.look(t, x);
     this.limit = TWICE * Math.min(Math.max(1, this.accepted.worst), TOLERATED);
   }
@@ -63,7 +63,7 @@ export class Watch {
     const { scene, own, size } = this;
     const { rows, columns } = own;
     scene.rates(t, x, this.rate);
-    scene.functions.constraints(scene.w, t);
+    scene.functions.constraints(t);
     const matrix = new Float64Array(rows * columns);
     own.register.forEach((register, k) => (matrix[own.row[k] * columns + own.column[k]] += scene.w[register]));
     matrix.forEach((v, k) => (size[k] = Math.max(size[k], Math.abs(v))));

@@ -31,7 +31,7 @@ export class DiscreteState {
     this.largest = new Float64Array(own.zeros.length);
     this.literal = true; // relations of time are taken as they are written, not as what they are right behind
     for (const register of own.discrete) scene.w[register] = 0;
-    scene.functions.discreteStarts(scene.w, this.time);
+    scene.functions.discreteStarts(this.time);
     this.remember();
   }
 
@@ -53,13 +53,12 @@ export class DiscreteState {
 
   /** Put back the values of `all()`. */
   put(values) {
-    this.scene.blocks.changes++;
+    this.scene.programs.switched();
     this.own.discrete.forEach((register, k) => (this.w[register] = values[k]));
   }
 
   /** Take the continuous values at a place. */
   look(t, x) {
-    this.scene.blocks.changes++;
     this.time = t;
     this.scene.evaluate(this.scene.functions.look, t, x);
   }
@@ -72,11 +71,11 @@ export class DiscreteState {
   /** Carry out the discrete equations in their order. */
   assign() {
     const { functions } = this.scene;
-    this.scene.functions.timed(this.w, this.time);
+    this.scene.functions.timed(this.time);
     for (const step of this.own.steps) {
-      if (step.run !== undefined) functions.assign[step.run](this.w, this.time);
+      if (step.run !== undefined) functions.assign[step.run](this.time);
       else step.targets.forEach((target, i) => (this.w[target] = this.relation(step, target, i)));
-      if (this.own.timed.length) functions.timed(this.w, this.time); // slopes and offsets may be discrete
+      if (this.own.timed.length) functions.timed(this.time); // slopes and offsets may be discrete
     }
   }
 
@@ -113,6 +112,7 @@ export class DiscreteState {
       const before = this.all();
       this.assign();
       if (!this.all().some((v, k) => differs(v, before[k]))) return;
+      this.scene.programs.switched();
     }
     throw new Stopped(`no values satisfy all equations at t = ${t.toPrecision(6)} s`);
   }
@@ -128,11 +128,12 @@ export class DiscreteState {
     for (let round = 0; round < MOST_ROUNDS; round++) {
       this.remember();
       if (round === 0) begin();
+      this.scene.programs.switched();
       this.solve(t, found.x);
       own.whens.forEach((when, k) => {
         if (w[when.active]) found.whens.add(k);
       });
-      this.scene.functions.judge(w, t);
+      this.scene.functions.judge(t);
       own.terminations.forEach((end, k) => {
         if (end.guards.some((register) => w[register])) found.terminations.push(k);
       });
@@ -154,7 +155,7 @@ export class DiscreteState {
     const { own, w } = this;
     if (!own.reinits.some(({ guard }) => w[guard])) return null;
     const moved = Float64Array.from(x);
-    this.scene.functions.reinits(w, t);
+    this.scene.functions.reinits(t);
     for (const [one, wanted] of own.reinits.map((r) => [r, w[r.value]])) if (w[one.guard]) this.set(t, x, moved, one, wanted);
     return moved;
   }

@@ -39,7 +39,7 @@ export class EventHandler {
     const { w, functions } = this.scene;
     this.flag(own.initial, 1);
     own.initialEquations.forEach(({ value, targets }, k) => {
-      functions.initialEquations[k](w, begin);
+      functions.initialEquations[k](begin);
       for (const target of targets) w[target] = w[value];
     });
     let x;

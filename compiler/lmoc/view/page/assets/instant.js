@@ -1,6 +1,5 @@
 // The laws of a scene at one instant: gaps, rates, the effect of their forces, and their limits, as `numerics/laws/instant.py`.
 
-import { putSolutions, solutionsOf } from "./blocks.js";
 import { filled, zeroMatrix } from "./matrix.js";
 
 const LOSSLESS = 1e-6; // of a rate, in a bounce
@@ -20,8 +19,8 @@ export class ContactKinematics {
 
   /** The registers of a mode that keeps the velocities `still` at zero; without one all laws are open. */
   hold(mode = null, still = null) {
-    const { w, blocks } = this.scene;
-    blocks.changes++;
+    const { w, programs } = this.scene;
+    programs.switched();
     this.own.held.forEach((register, j) => {
       if (register >= 0) w[register] = Number(still !== null && still[j]);
     });
@@ -36,11 +35,7 @@ export class ContactKinematics {
   rateForms() {
     const { scene, own } = this;
     if (!own.linearRates.some(Boolean)) return filled(this.count, null);
-    const { last } = scene;
-    const solutions = solutionsOf(scene.blocks);
-    const { rate, rateSlope } = this.at(0, new Float64Array(own.held.length));
-    scene.last = last;
-    putSolutions(scene.blocks, solutions);
+    const { rate, rateSlope } = scene.programs.aside(() => this.at(0, new Float64Array(own.held.length)));
     return rateSlope.map((form, k) => {
       const ofVelocities = form.every((v, j) => v === 0 || own.held[j] >= 0);
       return own.linearRates[k] && own.degree[k] === 2 && ofVelocities && rate[k] === 0 ? form : null;
@@ -68,12 +63,10 @@ export class ContactKinematics {
       for (const seed of seeds) w[seed] = 0;
       seeds.forEach((seed, j) => {
         w[seed] = 1;
-        run(w, t);
+        run(t);
         read(j);
         w[seed] = 0;
-        scene.blocks.same = true; // one matrix for all columns
       });
-      scene.blocks.same = false;
     };
     columns(own.stateSeeds, scene.functions.byState, (j) => {
       derivatives(own.gapTangents, gapSlope, j);

@@ -73,7 +73,7 @@ export class Radau {
       aside[j] = x[j];
     }
     this.rates(t, x, there);
-    this.system.keep();
+    this.system.programs.mark();
     this.factors = null;
     this.fresh = true;
   }
@@ -111,7 +111,7 @@ export class Radau {
     if (t + 1.001 * h >= end) h = end - t;
     for (;;) {
       if (!(h > 1e-15 * Math.max(Math.abs(t), 1e-300))) return false;
-      this.system.restore();
+      this.system.programs.goBack();
       const scale = x.map((v, i) => this.atol[i] + this.rtol * Math.abs(v));
       const found = this.stages(h, scale);
       if (found === null) {
@@ -208,7 +208,7 @@ export class Radau {
 
   accept(h, z, next, error, safety, slowly) {
     const factor = Math.min(MOST_FACTOR, safety * this.factor(h, error));
-    this.system.keep();
+    this.system.programs.mark();
     this.steps++;
     this.last.set(this.x);
     this.x.set(next);

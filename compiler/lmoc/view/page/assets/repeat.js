@@ -8,9 +8,9 @@ const LIMIT = 4000; // ms that a simulation may take
 const MOST_MORE = 5000; // output times beyond those given
 
 export class Repeater {
-  /** `script` is the data of a scene with its `parameters`; `make` returns the functions written by the compiler. */
-  constructor(script, make, data, now) {
-    this.scene = new Scene(script, make);
+  /** `script` is the data of a scene with its `parameters`; `engine` is compiled. */
+  constructor(script, engine, data, now) {
+    this.scene = new Scene(script, engine);
     this.parameters = new Map(script.parameters.map((p) => [p.name, p]));
     this.registers = [...new Set(data.variables.filter((v) => v.register !== undefined).map((v) => v.register))];
     this.variables = data.variables;

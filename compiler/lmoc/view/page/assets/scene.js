@@ -1,42 +1,39 @@
-// A scene in the page: its registers, the functions that fill them, and the start of a run.
+// A scene in the page: its registers, the programs that fill them, and the start of a run.
 
-import { makeBlocks, putSolutions, solutionsOf } from "./blocks.js";
-import { curveAt } from "./curve.js";
 import { HybridDynamics } from "./hybrid_dynamics.js";
+import { Programs } from "./programs.js";
 
 const LOOKS = 4001; // points at which a switch that is not linear in time is looked at
 const MET = 1e-6; // of the size of a start value: by how much it may be missed
 const BISECTIONS = 60;
-const SHORTEST = 1 / 64; // part of the way between two places at which a block is solved
+const SHORTEST = 1 / 64; // part of the way to other parameters on which a start is solved
 
 const numbers = (list) => Float64Array.from(list, (v) => (v === null ? NaN : v));
 
-/**
- * A scene ready to be simulated.
- *
- * `data` is what the compiler has written; `make(tab, blocks)` returns its functions of (w, time).
- */
+/** Programs as functions of (time) that tell whether they were solved, and lists of such, by their names. */
+function functionsOf(programs, places) {
+  const one = (number) => Object.assign((time) => programs.run(number, time), { number });
+  return Object.fromEntries(Object.entries(places).map(([name, own]) => [name, Array.isArray(own) ? own.map(one) : one(own)]));
+}
+
+/** A scene ready to be simulated: `data` is what the compiler has written, `engine` is compiled. */
 export class Scene {
-  constructor(data, make) {
+  constructor(data, engine) {
     this.data = data;
-    this.blocks = makeBlocks(data.blocks);
-    this.functions = make(data.tables, this.blocks);
-    this.w = numbers(data.base);
+    this.programs = new Programs(engine, data.code, data.states.length);
+    this.w = this.programs.w.subarray(0, data.base.length);
+    this.w.set(numbers(data.base));
+    this.functions = functionsOf(this.programs, data.programs);
     this.dynamics = null;
-    const others = (data.choices ?? []).map((own, k) => new Scene(own, this.functions.choices[k]));
+    const others = (data.choices ?? []).map((own) => new Scene(own, engine));
     this.choices = others.length ? [this, ...others] : []; // of coordinates, where the run has changed them
     this.seed();
   }
 
+  /** Let nonlinear blocks begin as in the run at hand. */
   seed() {
-    this.last = this.kept = null;
-    this.blocks.memory.fill(null);
-    this.blocks.changes++;
     for (const [register, value] of this.data.seeds) this.w[register] = value;
-  }
-
-  sample(time) {
-    for (const curve of this.data.curves) this.w[curve.register] = curveAt(curve, time);
+    this.programs.seed();
   }
 
   /** Fill every register for a time and the states `x`. */
@@ -46,52 +43,12 @@ export class Scene {
   }
 
   rates(time, x, out) {
-    const { derivatives } = this.data;
-    this.evaluate(this.functions.rhs, time, x);
-    for (let j = 0; j < derivatives.length; j++) out[j] = this.w[derivatives[j]];
+    this.programs.rates(time, x, out);
   }
 
-  /** Run a function at a place; where a block loses its solution, on the way there from the last place in short steps. */
+  /** Run a function at a place; what it cannot solve has no value. */
   evaluate(run, time, x) {
-    if (this.attempt(run, time, x)) return;
-    const { last } = this;
-    if (last === null) return;
-    putSolutions(this.blocks, last.solutions);
-    for (let reached = 0, length = 0.5; reached < 1 && length >= SHORTEST; ) {
-      const goal = Math.min(1, reached + length);
-      const between = goal === 1 ? x : x.map((v, j) => (1 - goal) * last.x[j] + goal * v);
-      if (this.attempt(run, goal === 1 ? time : (1 - goal) * last.time + goal * time, between)) {
-        reached = goal;
-        length *= 2;
-      } else length /= 2;
-    }
-  }
-
-  attempt(run, time, x) {
-    const { w, blocks } = this;
-    const { states } = this.data;
-    const before = this.data.seeds.length ? solutionsOf(blocks) : null;
-    for (let j = 0; j < states.length; j++) w[states[j]] = x[j];
-    this.sample(time);
-    blocks.failed = false;
-    run(w, time);
-    if (before === null) return true;
-    if (blocks.failed) putSolutions(blocks, before);
-    const now = solutionsOf(blocks);
-    const solved = now.some((solution, k) => solution !== before[k]); // some functions solve none: those stand elsewhere
-    if (!blocks.failed && solved) this.last = { time, x: Float64Array.from(x), solutions: now };
-    return !blocks.failed;
-  }
-
-  /** Remember where the blocks have been solved last, to return there with `restore`. */
-  keep() {
-    this.kept = this.last;
-  }
-
-  restore() {
-    if (this.kept === null) return;
-    this.last = this.kept;
-    putSolutions(this.blocks, this.kept.solutions);
+    return this.programs.evaluate(run.number, time, x);
   }
 
   /** Why the parameter values of the last start are none that the model allows; "" where they are. */
@@ -108,7 +65,8 @@ export class Scene {
     w.set(numbers(data.base));
     this.seed();
     for (const [slot, value] of changed) w[slot] = value;
-    this.functions.parameters(w, NaN);
+    this.programs.forget();
+    this.functions.parameters(NaN);
   }
 
   /** Whether this choice of coordinates has these flat variables for its states. */
@@ -124,15 +82,13 @@ export class Scene {
     other.seed();
     for (const [there, here] of passage) other.w[there] = here < 0 ? NaN : w[here];
     const states = Float64Array.from(other.data.states, (register) => other.w[register]);
-    other.blocks.patient = true;
     other.observe(t, states);
-    other.blocks.patient = false;
     return states;
   }
 
   /** The states at the start for parameter values `changed`, [[slot, value], …], where `initial`, {state: value}, is given. */
   start(changed, initial = {}) {
-    const { data, functions, w, blocks } = this;
+    const { data, w } = this;
     this.put(changed);
     for (const other of this.choices.slice(1)) {
       const slots = new Map(other.data.slots);
@@ -142,13 +98,14 @@ export class Scene {
     this.missed = undefined;
     if (this.refused() !== "") return new Float64Array(0);
     const states = () => {
-      data.states.forEach((register, j) => (w[register] = data.x[j]));
-      this.sample(data.begin);
-      blocks.patient = true;
-      functions.start(w, data.begin);
-      const x = Float64Array.from(data.states, (register, j) => initial[data.names[j]] ?? w[register]);
+      if (!this.solveStart(data.x)) this.approachStart(changed);
+      const x = Float64Array.from(data.states, (register) => w[register]);
       this.observe(data.begin, x);
-      blocks.patient = false;
+      const given = x.map((v, j) => initial[data.names[j]] ?? v);
+      if (given.some((v, j) => v !== x[j])) {
+        this.observe(data.begin, given); // loops are closed on the way there
+        x.set(given);
+      }
       if (Object.keys(initial).length) return x;
       this.missed = data.met.find(([is, wanted]) => Math.abs(w[is] - w[wanted]) > MET * Math.max(1, Math.abs(w[wanted])));
       return x;
@@ -160,11 +117,37 @@ export class Scene {
     return x;
   }
 
+  /** Solve the equations of the start from states nearby; whether that has led to some. */
+  solveStart(x) {
+    this.data.states.forEach((register, j) => (this.w[register] = x[j]));
+    this.programs.sample(this.data.begin);
+    return this.functions.start(this.data.begin);
+  }
+
+  /** The start on the way from the model's own parameters, at which it is known. */
+  approachStart(changed) {
+    const { data, w, programs, functions } = this;
+    const registers = [...data.states, ...data.seeds.map(([register]) => register)];
+    let near = [...data.x, ...data.seeds.map(([, value]) => value)];
+    for (let reached = 0, length = 0.5; reached < 1; ) {
+      const goal = Math.min(1, reached + length);
+      for (const [slot, value] of changed) w[slot] = data.base[slot] + goal * (value - data.base[slot]);
+      registers.forEach((register, k) => (w[register] = near[k]));
+      programs.forget();
+      functions.parameters(NaN);
+      if (this.solveStart(near.slice(0, data.states.length))) {
+        near = registers.map((register) => w[register]);
+        reached = goal;
+        length *= 2;
+      } else if ((length /= 2) < SHORTEST) return;
+    }
+  }
+
   /** Times between two at which formulas of time or tables have kinks, in order. */
   breaks(begin, end) {
     const { data, w } = this;
     const found = [...data.breakTimes];
-    this.functions.breaks(w, begin);
+    this.functions.breaks(begin);
     for (const [slope, offset] of data.lines) found.push(-w[offset] / w[slope]);
     found.push(...this.crossings(begin, end));
     const margin = 1e-12 * Math.max(Math.abs(begin), Math.abs(end));
@@ -178,7 +161,7 @@ export class Scene {
     const found = [];
     if (data.switches.length === 0) return found;
     const levels = (t) => {
-      functions.breaks(w, t);
+      functions.breaks(t);
       return data.switches.map(([register, jumps]) => (jumps ? w[register] : w[register] > 0));
     };
     let before = levels(begin);

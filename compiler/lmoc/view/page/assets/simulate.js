@@ -1,6 +1,5 @@
 // A run in the page: start, integrate from kink to kink and from event to event, observe.
 
-import { signsOf, turned } from "./blocks.js";
 import { Watch } from "./coordinates.js";
 import { Dop853 } from "./dop853.js";
 import { nearTo } from "./discrete_state.js";
@@ -57,8 +56,11 @@ export class Run {
       const x = scene.start(changed, this.initial);
       this.reason = scene.refused();
       if (this.reason === "" && x.some((v) => !Number.isFinite(v))) this.reason = "there is no start with these values";
-      this.signs = signsOf(scene.blocks);
-      if (this.reason === "") yield* this.pieces(x);
+      if (this.reason === "") {
+        scene.rates(scene.data.begin, x, new Float64Array(x.length));
+        scene.programs.turned(true);
+        yield* this.pieces(x);
+      }
     } catch (stopped) {
       if (!(stopped instanceof Stopped)) throw stopped;
       this.ended = !stopped.fails;
@@ -95,11 +97,9 @@ export class Run {
   put(signals) {
     const { main } = this;
     for (const [register, value] of signals) main.w[register] = value;
-    main.blocks.changes++;
     for (const other of main.choices.slice(1)) {
       const own = new Map(other.data.observed);
       for (const [register, value] of signals) other.w[own.get(register)] = value;
-      other.blocks.changes++;
     }
   }
 
@@ -219,12 +219,12 @@ export class Run {
     const factor = this.finer * calibration(data.refine, data.rtol * this.finer);
     const tolerances = { rtol: data.rtol * factor, atol: data.atol.map((a) => a * factor) };
     const maxStep = Math.min(scene.longest(begin, end), dynamics?.longestStep ?? Infinity);
-    const finder = roots === null ? null : new RootFinder(roots, begin, x);
+    const finder = roots === null ? null : new RootFinder(scene, roots, begin, x);
     const place = new Float64Array(x.length);
     const kept = dynamics?.kept ?? null;
     let trying = data.refine !== null && x.length > 0;
     let method = x.length
-      ? new Dop853(data.method, scene, begin, x, end, { ...tolerances, maxStep })
+      ? new Dop853(scene, begin, x, end, { ...tolerances, maxStep })
       : new Standing(begin, x, end, maxStep);
     const outputs = (last) => {
       while (this.reached < times.length && times[this.reached] <= until) {
@@ -248,7 +248,7 @@ export class Run {
         this.reason = `the run stops at t = ${method.t.toPrecision(6)} s: it has no values beyond`;
       } else if (this.watch !== null) {
         if (!this.watch.judge(method.t, method.x)) return this.stopped(method, method.before, method.last, false);
-      } else if (turned(this.signs, signsOf(scene.blocks), data.watched)) {
+      } else if (scene.programs.turned()) {
         this.reason = `the coordinates would have to change at t = ${method.t.toPrecision(4)} s`;
       }
       if (this.reason !== "") break;
@@ -296,7 +296,7 @@ export class Run {
     const factor = coarse * refinement(data.refine, (method.t - begin) / Math.max(1, method.steps), end - begin);
     const finer = { rtol: data.rtol * factor, atol: data.atol.map((a) => a * factor), maxStep, firstStep: method.stepSize };
     this.count(method);
-    return new Dop853(data.method, this.scene, method.t, method.x, end, finer);
+    return new Dop853(this.scene, method.t, method.x, end, finer);
   }
 
   count(method) {

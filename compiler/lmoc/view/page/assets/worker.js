@@ -2,6 +2,7 @@
 
 import { difference, parting, revived } from "./answer.js";
 import { Motion } from "./motion.js";
+import { compiledEngine } from "./programs.js";
 import { gripAt } from "./grip.js";
 import { Pull, pullsOf } from "./pull.js";
 import { reach } from "./reach.js";
@@ -10,12 +11,12 @@ import { Repeater } from "./repeat.js";
 const TENTH = 0.1; // factor on the tolerances of the run that tells how accurate another one is
 const VISIBLE = 1e-3; // of the largest value: what can be seen in a plot
 
-/** Answer the requests of a page; `make` returns the functions written by the compiler. */
-export function serve(make) {
+/** Answer the requests of a page; `engine` is its text. */
+export function serve(engine) {
   let work = null;
   onmessage = ({ data }) => {
     if (work === null) {
-      work = new Work(data, make);
+      work = new Work(data, compiledEngine(engine));
       return;
     }
     try {
@@ -27,10 +28,10 @@ export function serve(make) {
 }
 
 class Work {
-  constructor({ script, variables, picture }, make) {
+  constructor({ script, variables, picture }, engine) {
     this.units = new Map(variables.map((v) => [v.name, v.unit]));
     this.picture = picture;
-    this.repeater = new Repeater(script, make, { variables }, () => performance.now());
+    this.repeater = new Repeater(script, engine, { variables }, () => performance.now());
     this.script = script;
     this.pulling = null;
   }

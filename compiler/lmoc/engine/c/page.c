@@ -1,0 +1,366 @@
+/* A scene of a page. */
+
+#include "page.h"
+
+#include <stdlib.h>
+
+enum { RESERVE = 1 << 23 }; /* bytes for factors of matrices that fill in later, and for samples of functions */
+
+/* A table as a signal: a piecewise polynomial that holds its ends, as `numerics/signals/curves.py` makes it. */
+typedef struct {
+  int64_t place, order, knot_count, degrees;
+  const double *knots, *coefficients, *low, *high, *ends;
+} curve;
+
+/* A program, and the scene whose signals it reads: the interpreter is given its tape. */
+typedef struct {
+  lmoc_program program;
+  lmoc_page *page;
+} scene_program;
+
+struct lmoc_page {
+  scene_program *programs;
+  curve *curves;
+  int64_t program_count, curve_count, size, n, unknown_count, right, branches;
+  int32_t *states, *derivatives, *unknowns;
+  double *w, *x, *answer, *atol, *f, *begin, *signs, *aside;
+  double aside_time;
+  int64_t aside_solved, dense, rejected, evaluations;
+  int switched;
+  const lmoc_call *last;
+  lmoc_call call;
+  lmoc_rules rules;
+  lmoc_steps steps;
+  lmoc_step_hook hook;
+  lmoc_finder finder;
+};
+
+/* ------------------------------------------------------------------ signals */
+
+/* The value at a time; where the curve jumps, that behind the jump. */
+static double curve_at(const curve *c, double t) {
+  const int64_t last = c->knot_count - 1;
+  int64_t low = 0, high = last;
+  if (t < c->knots[0] || t > c->knots[last] || (t == c->knots[last] && c->order == 0))
+    return c->order > 0 ? 0 : c->ends[t >= c->knots[last]];
+  while (high - low > 1) {
+    const int64_t middle = (low + high) / 2;
+    if (c->knots[middle] <= t) low = middle;
+    else high = middle;
+  }
+  const double between = c->knots[low + 1] - c->knots[low], length = between != 0 ? between : 1;
+  const double u = (t - c->knots[low]) / length;
+  double value = 0, unit = 1;
+  for (int64_t k = c->degrees - 1; k >= 0; k--) value = value*u + c->coefficients[low*c->degrees + k];
+  for (int64_t k = 0; k < c->order; k++) unit *= length;
+  return c->order > 0 ? value / unit : lmoc_min(lmoc_max(value, c->low[low]), c->high[low]);
+}
+
+void lmoc_page_sample(lmoc_page *p, double time) {
+  for (int64_t k = 0; k < p->curve_count; k++) p->w[p->curves[k].place] = curve_at(p->curves + k, time);
+}
+
+static int run_with_signals(double time, double *w, const lmoc_tape *t) {
+  lmoc_page_sample(((const scene_program *)t)->page, time);
+  return lmoc_tape_run(time, w, t);
+}
+
+/* ------------------------------------------------------------------ reading */
+
+uint8_t *lmoc_page_room(int size) { return malloc((size_t)size + 1); }
+
+static void read_curves(lmoc_page *p, lmoc_bytes *b) {
+  int64_t count;
+  p->curve_count = lmoc_read_integer(b);
+  p->curves = calloc((size_t)p->curve_count + 1, sizeof(curve));
+  for (int64_t k = 0; p->curves && !b->failed && k < p->curve_count; k++) {
+    curve *c = p->curves + k;
+    c->place = lmoc_read_integer(b);
+    c->order = lmoc_read_integer(b);
+    c->knots = lmoc_read_reals(b, &c->knot_count);
+    c->coefficients = lmoc_read_reals(b, &count);
+    c->degrees = c->knot_count > 1 ? count / (c->knot_count - 1) : 0;
+    c->low = lmoc_read_reals(b, &count);
+    c->high = lmoc_read_reals(b, &count);
+    c->ends = lmoc_read_reals(b, &count);
+  }
+  if (!p->curves) b->failed = 1;
+}
+
+static void read_programs(lmoc_page *p, lmoc_bytes *b) {
+  p->program_count = lmoc_read_integer(b);
+  p->programs = calloc((size_t)p->program_count + 1, sizeof(scene_program));
+  for (int64_t k = 0; p->programs && !b->failed && k < p->program_count; k++) {
+    p->programs[k].page = p;
+    lmoc_read_program(b, &p->programs[k].program);
+    p->programs[k].program.tape.run = run_with_signals;
+    if (p->programs[k].program.size > p->size) p->size = p->programs[k].program.size;
+  }
+  if (!p->programs) b->failed = 1;
+}
+
+static void read_method(lmoc_page *p, lmoc_bytes *b) {
+  int64_t count;
+  p->steps.weights = lmoc_read_reals(b, &count);
+  p->steps.nodes = lmoc_read_reals(b, &count);
+  p->steps.dense = lmoc_read_reals(b, &count);
+  p->steps.omitted = lmoc_read_reals(b, &count);
+  const double *rules = lmoc_read_reals(b, &count);
+  if (rules && count == (int64_t)(sizeof p->rules / sizeof(double))) memcpy(&p->rules, rules, sizeof p->rules);
+  else b->failed = 1;
+}
+
+/* A step is taken as it is; the host judges it. */
+static int look(void *own, double time, const double *x, int first) {
+  (void)own, (void)time, (void)x, (void)first;
+  return 0;
+}
+
+static void keep(void *own) { lmoc_mark(&((lmoc_page *)own)->call); }
+
+static int64_t determinants(const lmoc_program *g) {
+  int64_t count = 0;
+  for (int64_t i = 0; i < g->block_count; i++) if (g->tape.blocks[i].work) count += g->tape.blocks[i].instances;
+  return count;
+}
+
+/* Memory for what the scene needs beside its tables. */
+static int make_room(lmoc_page *p) {
+  const int64_t n = p->n, m = p->unknown_count;
+  const int64_t most = p->size + 40*n + 4*m + determinants(&p->programs[p->right].program) + 8;
+  double *at = p->w = calloc((size_t)most, sizeof(double));
+  if (!at) return 0;
+  at += p->size;
+#define TAKE(name, count) (p->name = at, at += (count))
+  TAKE(x, n), TAKE(answer, n), TAKE(atol, n), TAKE(f, n), TAKE(begin, n), TAKE(steps.x_new, n), TAKE(steps.k, 16*n);
+  TAKE(steps.last, n), TAKE(steps.terms, 7*n), TAKE(steps.x, n), TAKE(call.x, 3*n), TAKE(call.solution, 3*m);
+  TAKE(aside, n + m), TAKE(signs, determinants(&p->programs[p->right].program));
+#undef TAKE
+  return 1;
+}
+
+lmoc_page *lmoc_page_new(const uint8_t *bytes, int size) {
+  lmoc_bytes b = {bytes, bytes + size, 0};
+  lmoc_page *p = calloc(1, sizeof *p);
+  int64_t count;
+  if (!p) return 0;
+  p->size = lmoc_read_integer(&b);
+  p->branches = lmoc_read_integer(&b);
+  p->right = lmoc_read_integer(&b);
+  p->states = lmoc_read_integers(&b, &p->n);
+  p->derivatives = lmoc_read_integers(&b, &count);
+  p->unknowns = lmoc_read_integers(&b, &p->unknown_count);
+  read_curves(p, &b);
+  read_method(p, &b);
+  read_programs(p, &b);
+  if (b.failed || p->right >= p->program_count || !make_room(p) || !lmoc_page_reserve(RESERVE)) return 0;
+  for (int64_t k = 0; k < p->program_count; k++) lmoc_put_constants(&p->programs[k].program, p->w);
+  p->call.w = p->w;
+  p->call.n = p->call.given = p->n;
+  p->call.first_state = -1;
+  p->call.states = p->states;
+  p->call.derivatives = p->derivatives;
+  p->call.unknowns = p->unknowns;
+  p->call.last = &p->last;
+  p->hook = (lmoc_step_hook){p, look, 0, keep, 0};
+  return p;
+}
+
+double *lmoc_page_registers(lmoc_page *p) { return p->w; }
+double *lmoc_page_state(lmoc_page *p) { return p->x; }
+double *lmoc_page_answer(lmoc_page *p) { return p->answer; }
+double *lmoc_page_tolerances(lmoc_page *p) { return p->atol; }
+
+/* ------------------------------------------------------------------ values */
+
+int lmoc_page_run(lmoc_page *p, int program, double time) {
+  return lmoc_tape_run(time, p->w, &p->programs[program].program.tape);
+}
+
+/* Let a program be the one that is evaluated; its registers may have been changed from outside. */
+static void choose(lmoc_page *p, int64_t program) {
+  const lmoc_program *g = &p->programs[program].program;
+  p->call.tape = &g->tape;
+  p->call.remembered = g->remembers ? p->unknown_count : 0;
+  p->last = 0;
+}
+
+/* Where other equations hold than at the last solution, theirs may be elsewhere. What follows from unknowns without a
+   solution has no value. */
+int lmoc_page_evaluate(lmoc_page *p, int program, double time) {
+  lmoc_call *c = &p->call;
+  choose(p, program);
+  int status = lmoc_evaluate(c, time, p->x);
+  if (!c->remembered) return status;
+  if (status && p->switched && c->solved) {
+    for (int64_t k = 0; k < c->remembered; k++) p->w[c->unknowns[k]] = c->solution[k];
+    c->solved = c->marked = 0;
+    status = lmoc_evaluate(c, time, p->x);
+  }
+  if (!(status & LMOC_FAILED)) {
+    p->switched = 0;
+    return status;
+  }
+  for (int64_t k = 0; k < c->remembered; k++) p->w[c->unknowns[k]] = NAN;
+  c->tape->run(time, p->w, c->tape);
+  return status;
+}
+
+void lmoc_page_rates(lmoc_page *p, double time) {
+  const int failed = lmoc_page_evaluate(p, (int)p->right, time) & LMOC_FAILED;
+  for (int64_t i = 0; i < p->n; i++) p->answer[i] = failed ? NAN : p->w[p->derivatives[i]];
+  p->evaluations++;
+}
+
+void lmoc_page_forget(lmoc_page *p) {
+  for (int64_t k = 0; k < p->program_count; k++) lmoc_program_forget(&p->programs[k].program);
+}
+
+void lmoc_page_switch(lmoc_page *p) { p->switched = 1; }
+
+void lmoc_page_seed(lmoc_page *p) { p->call.solved = p->call.marked = p->switched = 0; }
+
+static void remembering(lmoc_page *p) { choose(p, p->right); }
+
+void lmoc_page_mark(lmoc_page *p) {
+  remembering(p);
+  lmoc_mark(&p->call);
+}
+
+void lmoc_page_go_back(lmoc_page *p) {
+  remembering(p);
+  if (p->call.marked) lmoc_go_back(&p->call);
+}
+
+void lmoc_page_put_aside(lmoc_page *p) {
+  memcpy(p->aside, p->call.x, p->n * sizeof(double));
+  memcpy(p->aside + p->n, p->call.solution, p->unknown_count * sizeof(double));
+  p->aside_time = p->call.time;
+  p->aside_solved = p->call.solved;
+}
+
+void lmoc_page_put_back(lmoc_page *p) {
+  memcpy(p->call.x, p->aside, p->n * sizeof(double));
+  memcpy(p->call.solution, p->aside + p->n, p->unknown_count * sizeof(double));
+  p->call.time = p->aside_time;
+  p->call.solved = p->aside_solved;
+}
+
+int lmoc_page_turned(lmoc_page *p, int first) {
+  const lmoc_program *g = &p->programs[p->right].program;
+  int64_t at = 0;
+  if (!p->branches) return 0;
+  for (int64_t i = 0; i < g->block_count; i++) {
+    const lmoc_block *b = g->tape.blocks + i;
+    for (int64_t j = 0; b->work && j < b->instances; j++, at++) {
+      const double determinant = p->w[b->work + j];
+      if (first) p->signs[at] = determinant;
+      else if (!(determinant * p->signs[at] > 0)) return 1;
+    }
+  }
+  return 0;
+}
+
+/* ------------------------------------------------------------------ steps */
+
+void lmoc_page_begin(lmoc_page *p, double time, double end, double rtol, double longest, double first, double patience) {
+  lmoc_steps *s = &p->steps;
+  const lmoc_steps kept = *s;
+  memcpy(s->x, p->x, p->n * sizeof(double));
+  *s = (lmoc_steps){.call = &p->call, .rules = &p->rules, .weights = kept.weights, .nodes = kept.nodes,
+                    .dense = kept.dense, .omitted = kept.omitted, .atol = p->atol, .x = kept.x, .f = p->f,
+                    .x_new = kept.x_new, .k = kept.k, .last = kept.last, .terms = kept.terms, .t = time, .before = time,
+                    .grow = p->rules.grow, .cuts_since = time, .rtol = rtol, .end = end, .max_step = longest,
+                    .patience = patience, .most = 1, .out = p->answer, .outputs = 1, .room = 1, .step_size = first,
+                    .hook = p->branches ? &p->hook : 0};
+  p->rejected = p->evaluations = p->dense = 0;
+  lmoc_page_jump(p);
+  if (first > 0) return;
+  const double h = lmoc_first_trial(p->n, end - time, longest, p->rules.least, rtol, p->atol, s->x, s->f);
+  for (int64_t i = 0; i < p->n; i++) s->x_new[i] = s->x[i] + h*s->f[i];
+  lmoc_derivatives(s->call, time + h, s->x_new, s->last);
+  p->evaluations++;
+  s->step_size = lmoc_first_step(p->n, h, end - time, rtol, p->atol, s->x, s->f, s->last);
+}
+
+void lmoc_page_jump(lmoc_page *p) {
+  lmoc_steps *s = &p->steps;
+  memcpy(s->x, p->x, p->n * sizeof(double));
+  memcpy(p->begin, p->x, p->n * sizeof(double));
+  s->before = s->t;
+  s->length = 0;
+  lmoc_page_rates(p, s->t);
+  memcpy(s->f, p->answer, p->n * sizeof(double));
+  if (p->branches) lmoc_page_mark(p);
+}
+
+int lmoc_page_step(lmoc_page *p, double wanted) {
+  lmoc_steps *s = &p->steps;
+  lmoc_page_go_back(p);
+  memcpy(p->begin, s->x, p->n * sizeof(double));
+  s->times = &wanted;
+  const int found = lmoc_dop853_walk(s);
+  p->rejected += s->rejected;
+  p->evaluations += s->evaluations;
+  if (!s->steps) return found;
+  p->dense = s->reached;
+  memcpy(p->x, s->x, p->n * sizeof(double));
+  return found;
+}
+
+double lmoc_page_told(const lmoc_page *p, int which) {
+  const lmoc_steps *s = &p->steps;
+  const double all[] = {s->t, s->before, s->length, s->step_size, (double)p->rejected, (double)p->evaluations};
+  return all[which];
+}
+
+int lmoc_page_within(lmoc_page *p, double time) {
+  lmoc_steps *s = &p->steps;
+  double *now = s->x, check = 0;
+  s->x = p->begin;
+  if (!p->dense) {
+    remembering(p);
+    const int64_t before = s->evaluations;
+    lmoc_dop853_dense(s);
+    p->evaluations += s->evaluations - before;
+    p->dense = 1;
+  }
+  lmoc_dop853_within(s, (time - s->before) / s->length, p->answer);
+  s->x = now;
+  for (int64_t i = 0; i < p->n; i++) check += p->answer[i] * 0;
+  return check == 0;
+}
+
+/* ------------------------------------------------------------------ roots */
+
+#if defined(__wasm__)
+/* The values of the functions at some times, function by function. */
+__attribute__((import_module("host"), import_name("values")))
+void lmoc_host_values(int count, const double *times, double *values);
+#else
+static void lmoc_host_values(int count, const double *times, double *values) { (void)count, (void)times, (void)values; }
+#endif
+
+static int values_of_host(void *owner, int64_t count, const double *times, double *values) {
+  (void)owner;
+  lmoc_host_values((int)count, times, values);
+  return 0;
+}
+
+double *lmoc_page_signs(lmoc_page *p, int count) {
+  lmoc_finder *f = &p->finder;
+  free(f->signs);
+  lmoc_roots_free(f);
+  *f = (lmoc_finder){.count = count, .values = values_of_host, .signs = calloc((size_t)count + 1, 2*sizeof(double))};
+  f->which = f->signs ? (uint8_t *)(f->signs + count) : 0;
+  return f->signs;
+}
+
+double lmoc_page_root(lmoc_page *p, double before, double end) {
+  double time;
+  lmoc_roots_of_step(&p->finder, before, end);
+  const int found = lmoc_next_root(&p->finder, &time);
+  return found == LMOC_ROOT ? time : found == LMOC_NO_ROOT ? INFINITY : NAN;
+}
+
+uint8_t *lmoc_page_which(lmoc_page *p) { return p->finder.which; }

@@ -1,0 +1,68 @@
+/* A scene of a page: registers, programs over them, and steps, for a host that knows numbers only (WebAssembly). */
+
+#ifndef LMOC_PAGE_H
+#define LMOC_PAGE_H
+
+#include "bytes.h"
+#include "roots.h"
+#include "walk.h"
+
+typedef struct lmoc_page lmoc_page;
+
+/* Where so many bytes can be put; room for so many more without the memory's growing (`page_memory.c`), 0 where there is
+   none; and the scene that stands in bytes, as `view/javascript/programs.py` describes it; 0 where that fails. It lives as
+   long as the host. */
+uint8_t *lmoc_page_room(int size);
+int lmoc_page_reserve(int size);
+lmoc_page *lmoc_page_new(const uint8_t *bytes, int size);
+
+/* Where the host finds numbers: all registers; a state, which it writes, and derivatives or another state, which it reads;
+   absolute tolerances, which it writes. */
+double *lmoc_page_registers(lmoc_page *p);
+double *lmoc_page_state(lmoc_page *p);
+double *lmoc_page_answer(lmoc_page *p);
+double *lmoc_page_tolerances(lmoc_page *p);
+
+/* Run a program as the registers stand; and for the state at a time, with signals, and nonlinear blocks near their last
+   solution. Both return the bits FAILED and FAR. */
+int lmoc_page_run(lmoc_page *p, int program, double time);
+int lmoc_page_evaluate(lmoc_page *p, int program, double time);
+void lmoc_page_sample(lmoc_page *p, double time);
+
+/* Parameters have changed; other equations hold from now on; nonlinear blocks begin from the registers. */
+void lmoc_page_forget(lmoc_page *p);
+void lmoc_page_switch(lmoc_page *p);
+void lmoc_page_seed(lmoc_page *p);
+
+/* Keep the last solution of nonlinear blocks, and go on from it; of a step, and aside. */
+void lmoc_page_mark(lmoc_page *p);
+void lmoc_page_go_back(lmoc_page *p);
+void lmoc_page_put_aside(lmoc_page *p);
+void lmoc_page_put_back(lmoc_page *p);
+
+/* Whether the closures of loops stand otherwise than when it was asked first: a determinant has changed its sign. */
+int lmoc_page_turned(lmoc_page *p, int first);
+
+/* Derivatives of the state. */
+void lmoc_page_rates(lmoc_page *p, double time);
+
+/* Steps of DOP853 from the state at a time; `first` is their first length, or 0. What a step returns is that of
+   `lmoc_dop853_walk`: 0, or STIFF, where it has been made. Its dense output has to be good at the time `wanted`. */
+void lmoc_page_begin(lmoc_page *p, double time, double end, double rtol, double longest, double first, double patience);
+int lmoc_page_step(lmoc_page *p, double wanted);
+
+/* Its numbers: time, where it began, length, the next length, rejected tries, evaluations so far. */
+double lmoc_page_told(const lmoc_page *p, int which);
+
+/* The state at a time within the last step; 0 where there is none. And another state at its end to go on from. */
+int lmoc_page_within(lmoc_page *p, double time);
+void lmoc_page_jump(lmoc_page *p);
+
+/* Functions of time whose values the host gives. It writes the signs that they have had last, 0 where none is known. Then
+   the time within a step at which one of them comes to have another sign, infinity where none does, NaN where there is no
+   memory; and which of them vanish there. */
+double *lmoc_page_signs(lmoc_page *p, int count);
+double lmoc_page_root(lmoc_page *p, double before, double end);
+uint8_t *lmoc_page_which(lmoc_page *p);
+
+#endif

@@ -1,0 +1,68 @@
+"""The programs of a page's scene as bytes, which the engine reads there (``engine/c/page.c``)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lmoc.ir.program import Program, Solve, walk
+from lmoc.lower.blocks import values_tape
+from lmoc.lower.packed import Packer
+from lmoc.lower.tape import Tape
+from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
+from lmoc.numerics.dop853.rules import RULES
+from lmoc.numerics.evaluate import engine_stepper
+from lmoc.numerics.evaluate.engine_system import has_branches
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.signals.curves import Curve
+
+Programs = dict[str, Program | list[Program]]
+Numbers = dict[str, int | list[int]]
+START = "start"  # the program whose unknowns are the states: they may be sought from far away
+
+
+def packed_programs(
+    plan: Plan, programs: Programs, registers: int, curves: Sequence[tuple[int, int, Curve]]
+) -> tuple[bytes, Numbers]:
+    """Return the programs over registers, and the number of each by its name; ``rhs`` is among them.
+
+    Parameters
+    ----------
+    curves : (register, order, curve) of signals: which derivative of a table stands where
+    """
+    tapes: list[Tape] = []
+    patient: list[bool] = []
+    patience = not has_branches(plan)
+
+    def write(name: str, program: Program) -> int:
+        tapes.append(values_tape(program, registers, tapes[-1].size if tapes else 0))
+        patient.append(patience or name == START)
+        return len(tapes) - 1
+
+    numbers: Numbers = {
+        name: [write(name, one) for one in own] if isinstance(own, list) else write(name, own)
+        for name, own in programs.items()
+    }
+    p = Packer()
+    p.each((tapes[-1].size, has_branches(plan), numbers["rhs"]))
+    for table in (plan.states, plan.derivatives, unknowns_of(plan)):
+        p.integers(table)
+    p.integer(len(curves))
+    for register, order, curve in curves:
+        p.each((register, order))
+        for values in curve.pieces(order):
+            p.reals(values)
+    for row in (engine_stepper.weights(), engine_stepper.nodes(), engine_stepper.dense(), LAST_WEIGHTS):
+        p.reals(row)
+    p.reals(list(vars(RULES).values()))
+    p.integer(len(tapes))
+    for tape, own in zip(tapes, patient, strict=True):
+        p.tape(tape, own)
+    return p.finish(), numbers
+
+
+def unknowns_of(plan: Plan) -> np.ndarray:
+    """Return the registers of the unknowns of nonlinear blocks."""
+    found = [s.unknowns.ravel() for s in walk(plan.full_program) if isinstance(s, Solve) and not s.linear]
+    return np.unique(np.concatenate([np.zeros(0, int), *found]).astype(int))

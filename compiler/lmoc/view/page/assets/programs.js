@@ -1,0 +1,123 @@
+// The engine in WebAssembly, and the programs of a scene in it (`engine/c/page.c`).
+
+import { decodeBytes } from "./answer.js";
+
+const FAILED = 1; // a bit of what a program returns: a nonlinear block has no solution
+
+/** The engine from its base64 text, from which any number of scenes can be made. */
+export function compiledEngine(text) {
+  return new WebAssembly.Module(decodeBytes(text));
+}
+
+/** `w` are the registers; `x`, `answer` and `atol` are as long as the state. */
+export class Programs {
+  constructor(engine, code, stateCount) {
+    const host = { values: (count, times, values) => this.giveValues(count, times, values) };
+    const { exports } = new WebAssembly.Instance(engine, { host });
+    exports._initialize();
+    const bytes = decodeBytes(code);
+    const room = exports.lmoc_page_room(bytes.length);
+    new Uint8Array(exports.memory.buffer).set(bytes, room);
+    const page = exports.lmoc_page_new(room, bytes.length);
+    if (page === 0) throw new Error("there is no memory for the scene");
+    const { buffer } = exports.memory;
+    const numbers = (at, count) => new Float64Array(buffer, at, count);
+    const registers = exports.lmoc_page_registers(page);
+    this.w = numbers(registers, (buffer.byteLength - registers) >> 3);
+    this.x = numbers(exports.lmoc_page_state(page), stateCount);
+    this.answer = numbers(exports.lmoc_page_answer(page), stateCount);
+    this.atol = numbers(exports.lmoc_page_tolerances(page), stateCount);
+    Object.assign(this, { exports, page, buffer });
+  }
+
+  /** Run a program as the registers stand; whether all blocks were solved. */
+  run(number, time) {
+    return this.checked(this.exports.lmoc_page_run(this.page, number, time));
+  }
+
+  /** Run a program for a state at a time, nonlinear blocks near their last solution; whether they were solved. */
+  evaluate(number, time, x) {
+    this.x.set(x);
+    return this.checked(this.exports.lmoc_page_evaluate(this.page, number, time));
+  }
+
+  rates(time, x, out) {
+    this.x.set(x);
+    this.exports.lmoc_page_rates(this.page, time);
+    out.set(this.answer);
+  }
+
+  /** What the host sees of the memory is no longer its own where that has grown: it has room for what grows. */
+  checked(status) {
+    if (this.exports.memory.buffer !== this.buffer) throw new Error("the memory of the scene is too small");
+    return (status & FAILED) === 0;
+  }
+
+  sample(time) {
+    this.exports.lmoc_page_sample(this.page, time);
+  }
+
+  /** Parameters have changed. */
+  forget() {
+    this.exports.lmoc_page_forget(this.page);
+  }
+
+  /** From now on other equations hold, whose solution may be elsewhere. */
+  switched() {
+    this.exports.lmoc_page_switch(this.page);
+  }
+
+  /** Let nonlinear blocks begin from what stands in the registers. */
+  seed() {
+    this.exports.lmoc_page_seed(this.page);
+  }
+
+  mark() {
+    this.exports.lmoc_page_mark(this.page);
+  }
+
+  goBack() {
+    this.exports.lmoc_page_go_back(this.page);
+  }
+
+  /** Do something that leaves the last solution as it is. */
+  aside(work) {
+    this.exports.lmoc_page_put_aside(this.page);
+    const found = work();
+    this.exports.lmoc_page_put_back(this.page);
+    return found;
+  }
+
+  /** Follow functions from their signs on; `values(method, time)` are theirs within a step. */
+  watch(signs, values) {
+    const place = this.exports.lmoc_page_signs(this.page, signs.length);
+    this.checked(0);
+    new Float64Array(this.buffer, place, signs.length).set(signs);
+    Object.assign(this, { values, functionCount: signs.length });
+  }
+
+  giveValues(count, times, values) {
+    const at = new Float64Array(this.exports.memory.buffer, times, count);
+    const out = new Float64Array(this.exports.memory.buffer, values, count * this.functionCount);
+    at.forEach((time, k) => out.set(this.values(this.method, time), k * this.functionCount));
+  }
+
+  /** When the first of them has another sign within the last step of a method; null where none has. */
+  rootOf(method) {
+    this.method = method;
+    const found = this.exports.lmoc_page_root(this.page, method.before, method.t);
+    if (Number.isNaN(found)) throw new Error("there is no memory to look for events");
+    this.checked(0);
+    return found === Infinity ? null : found;
+  }
+
+  /** Which of so many functions vanish at the last root, as 0 and 1. */
+  vanishing(count) {
+    return [...new Uint8Array(this.buffer, this.exports.lmoc_page_which(this.page), count)];
+  }
+
+  /** Whether the closures of loops have turned over since it was asked `first`. */
+  turned(first = false) {
+    return this.exports.lmoc_page_turned(this.page, Number(first)) !== 0;
+  }
+}
