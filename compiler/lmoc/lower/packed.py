@@ -76,4 +76,5 @@ def _packed(values: np.ndarray) -> bytes:
         return b""
     digits = np.stack([digit for digit, _ in columns], axis=1).astype(np.uint8)
     there = np.stack([shown for _, shown in columns], axis=1)
-    return digits[there].tobytes()
+    found: bytes = digits[there].tobytes()
+    return found

@@ -29,11 +29,13 @@ class _Events:
         self.flat = observer.flat
         self.layout: EventLayout = self.plan.once(EventLayout)
         self.events = self.layout.events
+        self.absent = int(places.add(1)[0])  # a register without a value
         self.zeros = places.add(self.layout.zero_count)
         self.first = {t.relation: k for k, t in enumerate(self.layout.timed)}
 
     def of(self, variables: np.ndarray) -> np.ndarray:
-        return self.places.of_variables(np.asarray(variables, int))
+        found = self.places.of_variables(np.asarray(variables, int))
+        return np.where(found >= 0, found, self.absent)
 
     def computed(self, shape: Expr, table: np.ndarray) -> tuple[Apply, np.ndarray]:
         """Return a step that computes an expression for all rows of a table of variables, and where it puts it."""
