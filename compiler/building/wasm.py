@@ -17,7 +17,7 @@ ASSETS = Path(__file__).parents[1] / "lmoc" / "view" / "page" / "assets"
 BUILT, DIGEST = ASSETS / "engine.wasm", ASSETS / "engine.sha256"
 SOURCES = (
     "page", "page_memory", "bytes", "tape", "blocks", "dense", "newton", "lu", "lu_order", "evaluate", "dop853", "walk",
-    "first_step", "roots", "crossing",
+    "first_step", "roots", "crossing", "page_events", "beside", "instant", "relations", "trials", "hops",
 )  # fmt: skip
 FLAGS = ("-O2", "-std=c11", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing")  # equal bits everywhere
 _INCLUDE = re.compile(r'^#include "(\w+\.h)"', re.MULTILINE)

@@ -34,9 +34,9 @@ OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fno-math-errno", "-fno-stri
 _TOLERANCE = 1e-6
 _ENGINE = (
     "tape", "blocks", "dense", "newton", "lu", "lu_order", "evaluate", "dop853", "walk", "instant", "relations",
-    "trials", "roots", "crossing", "hops", "first_step",
+    "trials", "roots", "crossing", "hops", "first_step", "beside",
 )  # fmt: skip
-_HEADERS = ("lane", "tape", "lu", "dense", "blocks", "engine", "walk", "instant", "roots", "hops")
+_HEADERS = ("lane", "tape", "lu", "dense", "blocks", "engine", "walk", "instant", "roots", "hops", "beside")
 _DATA = "model.c"
 
 

@@ -1,39 +1,10 @@
 /* A scene of a page. */
 
-#include "page.h"
+#include "page_scene.h"
 
 #include <stdlib.h>
 
 enum { RESERVE = 1 << 23 }; /* bytes for factors of matrices that fill in later, and for samples of functions */
-
-/* A table as a signal: a piecewise polynomial that holds its ends, as `numerics/signals/curves.py` makes it. */
-typedef struct {
-  int64_t place, order, knot_count, degrees;
-  const double *knots, *coefficients, *low, *high, *ends;
-} curve;
-
-/* A program, and the scene whose signals it reads: the interpreter is given its tape. */
-typedef struct {
-  lmoc_program program;
-  lmoc_page *page;
-} scene_program;
-
-struct lmoc_page {
-  scene_program *programs;
-  curve *curves;
-  int64_t program_count, curve_count, size, n, unknown_count, right, branches;
-  int32_t *states, *derivatives, *unknowns;
-  double *w, *x, *answer, *atol, *f, *begin, *signs, *aside;
-  double aside_time;
-  int64_t aside_solved, dense, rejected, evaluations;
-  int switched;
-  const lmoc_call *last;
-  lmoc_call call;
-  lmoc_rules rules;
-  lmoc_steps steps;
-  lmoc_step_hook hook;
-  lmoc_finder finder;
-};
 
 /* ------------------------------------------------------------------ signals */
 
@@ -153,8 +124,10 @@ lmoc_page *lmoc_page_new(const uint8_t *bytes, int size) {
   read_curves(p, &b);
   read_method(p, &b);
   read_programs(p, &b);
+  lmoc_page_read_events(p, &b);
   if (b.failed || p->right >= p->program_count || !make_room(p) || !lmoc_page_reserve(RESERVE)) return 0;
   for (int64_t k = 0; k < p->program_count; k++) lmoc_put_constants(&p->programs[k].program, p->w);
+  p->events.instant.v = p->events.instant.line = p->w;
   p->call.w = p->w;
   p->call.n = p->call.given = p->n;
   p->call.first_state = -1;

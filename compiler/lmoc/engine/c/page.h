@@ -65,4 +65,31 @@ double *lmoc_page_signs(lmoc_page *p, int count);
 double lmoc_page_root(lmoc_page *p, double before, double end);
 uint8_t *lmoc_page_which(lmoc_page *p);
 
+/* Events. What they ask and change stands in the state; what it comes to is that of an instant, or of hops. The host sets
+   which functions cross zero, 1 or 2, (zeros,); `told` are numbers of conditions of which something is to be said. */
+void lmoc_page_begin_events(lmoc_page *p, double time, double span);
+void lmoc_page_literal(lmoc_page *p, int is);               /* relations of time are taken as they are written */
+int lmoc_page_take(lmoc_page *p, double time);
+void lmoc_page_remember(lmoc_page *p);
+void lmoc_page_assign(lmoc_page *p);
+int lmoc_page_solve(lmoc_page *p, double time);
+int lmoc_page_reinit(lmoc_page *p, double time);            /* 0, or 1 where the answer is another state; 2 where it has none */
+double lmoc_page_next(lmoc_page *p, double time, int include);
+void lmoc_page_ring(lmoc_page *p, double time);
+int lmoc_page_event(lmoc_page *p);                          /* the answer: the state behind it */
+int lmoc_page_told_count(const lmoc_page *p);
+int lmoc_page_told_of(const lmoc_page *p, int k);
+double *lmoc_page_crossing(lmoc_page *p);
+int lmoc_page_cross(lmoc_page *p, double time);             /* LMOC_SETTLED, or 100 + which of them chatters, … */
+int lmoc_page_turned_back(lmoc_page *p, double time);       /* … 1 where some turn back at once … */
+void lmoc_page_turn_early(lmoc_page *p);
+void lmoc_page_flip(lmoc_page *p);                          /* … which this lets them do */
+void lmoc_page_leave_zero(lmoc_page *p);
+
+/* Functions of roots: how many, their sides, their values for the state, and at the end of a step. */
+int lmoc_page_edges(const lmoc_page *p);
+void lmoc_page_sides(lmoc_page *p, double *out);
+void lmoc_page_edge_values(lmoc_page *p, double time, double *out);
+void lmoc_page_followed(lmoc_page *p);
+
 #endif

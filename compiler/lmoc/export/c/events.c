@@ -10,49 +10,19 @@ enum { START_ROUNDS = 50 };
 
 /* ------------------------------------------------------------------ reinit */
 
-static double aside(double value) { return value == 0 ? 1e-4 : value * (1 + 1e-4); }
-
-/* The variable of a `reinit` as a function of one state. */
-static double with(fmu *f, double *x, int64_t j, double value, int64_t i) {
-  const double kept = x[j];
-  x[j] = value;
-  const int found = fmu_look(f, f->e.time, x);
-  x[j] = kept;
-  return found ? NAN : f->w[LOOK][f->model->events.reinit_register[i]];
-}
-
-/* The one state that a variable follows from, changed so that it has a value (`observe/one_state.py`). */
-static int move_one(fmu *f, const double *from, int64_t i, double wanted, double *moved) {
-  const int64_t n = f->model->states;
-  double *x = f->moved + 2*n, *change = f->moved + 3*n, largest = 0;
-  int64_t j = -1, followed = 0;
-  memcpy(x, from, n * sizeof(double));
-  const double here = n ? with(f, x, 0, x[0], i) : NAN;
-  for (int64_t k = 0; k < n; k++) {
-    change[k] = fabs(with(f, x, k, aside(x[k]), i) - here);
-    if (change[k] * 0 == 0) largest = fmax(largest, change[k]);
-  }
-  for (int64_t k = 0; k < n; k++)
-    if (!(change[k] <= 1e-9 * largest)) { followed++; j = k; }
-  if (followed != 1 || !(here * 0 == 0)) return fmu_refused(f, "a variable of `reinit` does not follow from one state");
-  double now = x[j], missed = here - wanted;
-  for (int k = 0; k < 60; k++) {
-    const double beside = aside(now);
-    double step = -missed * (beside - now) / (with(f, x, j, beside, i) - wanted - missed), left = missed;
-    int halvings = 0;
-    for (; halvings < 40 && !(fabs(left = with(f, x, j, now + step, i) - wanted) < fabs(missed)); halvings++) step /= 2;
-    if (halvings == 40) break;
-    now += step;
-    missed = left;
-  }
-  if (!(fabs(missed) <= fmax(1e-9 * fabs(wanted), 1e-12 * fabs(here))))
-    return fmu_refused(f, "no value of a state gives a variable the value of its `reinit`");
-  moved[j] = now;
-  return FMU_GOOD;
+/* The variable of a `reinit` for some states. */
+static double seen(lmoc_instant *e, const double *x, int64_t i) {
+  fmu *f = e->owner;
+  return fmu_look(f, e->time, x) ? NAN : f->w[LOOK][f->model->events.reinit_register[i]];
 }
 
 int fmu_move(lmoc_instant *e, const double *x, int64_t i, double wanted, double *moved) {
-  return move_one(e->owner, x, i, wanted, moved);
+  fmu *f = e->owner;
+  switch (lmoc_move_one(e, seen, x, i, wanted, moved, f->moved + 2*e->states)) {
+    case LMOC_MOVED: return FMU_GOOD;
+    case LMOC_NOT_ONE: return fmu_refused(f, "a variable of `reinit` does not follow from one state");
+    default: return fmu_refused(f, "no value of a state gives a variable the value of its `reinit`");
+  }
 }
 
 /* ------------------------------------------------------------------ roots */

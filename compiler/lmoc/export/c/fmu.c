@@ -52,7 +52,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(warned, e->watched);
   f->doubles = total;
   TAKE(work, 32*m->states + 4);
-  TAKE(noise, 2*i->zeros);
+  TAKE(noise, 3*i->zeros + m->states);
   TAKE(e.history, i->discrete * LMOC_HISTORY);
   TAKE(e.supposed, i->relations);
   TAKE(e.changed, i->discrete);

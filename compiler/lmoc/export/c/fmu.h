@@ -6,6 +6,7 @@
 
 #include <stddef.h>
 
+#include "beside.h"
 #include "hops.h"
 #include "roots.h"
 #include "walk.h"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lmoc.engine.instant import TABLES
 from lmoc.ir.program import Program, Solve, walk
 from lmoc.lower.blocks import values_tape
 from lmoc.lower.packed import Packer
@@ -16,14 +17,34 @@ from lmoc.numerics.evaluate import engine_stepper
 from lmoc.numerics.evaluate.engine_system import has_branches
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.curves import Curve
+from lmoc.support.records import dataclass
 
 Programs = dict[str, Program | list[Program]]
 Numbers = dict[str, int | list[int]]
 START = "start"  # the program whose unknowns are the states: they may be sought from far away
 
 
+@dataclass(frozen=True, eq=False)
+class InstantTables:
+    """What the iteration of events reads.
+
+    Attributes
+    ----------
+    zeros, seen : registers of the zero functions, and of the variables that `reinit` sets
+    columns : as of `numerics.events.tables.Tables`
+    """
+
+    zeros: np.ndarray
+    seen: np.ndarray
+    columns: dict[str, np.ndarray]
+
+
 def packed_programs(
-    plan: Plan, programs: Programs, registers: int, curves: Sequence[tuple[int, int, Curve]]
+    plan: Plan,
+    programs: Programs,
+    registers: int,
+    curves: Sequence[tuple[int, int, Curve]],
+    events: InstantTables | None = None,
 ) -> tuple[bytes, Numbers]:
     """Return the programs over registers, and the number of each by its name; ``rhs`` is among them.
 
@@ -59,6 +80,11 @@ def packed_programs(
     p.integer(len(tapes))
     for tape, own in zip(tapes, patient, strict=True):
         p.tape(tape, own)
+    p.integer(events is not None)
+    if events is not None:
+        p.each(int(np.asarray(numbers[name])) for name in ("look", "assign", "lines"))
+        for table in (events.zeros, events.seen, *(events.columns[name] for name in TABLES)):
+            p.integers(table)
     return p.finish(), numbers
 
 

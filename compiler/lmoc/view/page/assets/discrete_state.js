@@ -1,11 +1,12 @@
-// The discrete side of a run: values of discrete variables, and the iteration at an event, as `numerics/events/discrete_state.py`.
+// The discrete side of a run: values of discrete variables, and the iteration at an event, which the engine carries out
+// (`engine/c/page_events.c`).
 //
 // All variables stand in the registers of the scene: the discrete ones, and the continuous ones as last looked at.
 
 import { Stopped } from "./stopped.js";
 
-const OF_MAGNITUDE = 1e-14; // of a function's magnitude; the dense output of a step is no more exact
-const MOST_ROUNDS = 100; // of solving at one instant, and of events that follow each other at it
+const [SETTLED, NO_VALUE, , UNSETTLED] = [0, 1, 2, 3]; // what an instant comes to, as `engine/c/instant.h` has it
+const CULPRIT = 100; // and more: which condition switches back and forth
 
 /** A distance in time that does not count: some units of the last digit. */
 export const nearTo = (t) => 4e-15 * Math.max(Math.abs(t), 1e-300);
@@ -13,25 +14,13 @@ export const nearTo = (t) => 4e-15 * Math.max(Math.abs(t), 1e-300);
 /** By what the place of a root may be wrong: some units of the time's last digit, and of a sum of steps. */
 export const located = (t, start) => 1e-14 * Math.max(Math.abs(t), Math.abs(start)) + 1e-12 * (t - start);
 
-const differs = (a, b) => a !== b && !(Number.isNaN(a) && Number.isNaN(b));
-
-function decide(op, zero) {
-  if (op === "floor") return Math.floor(zero);
-  return Number(op === "gt" ? zero > 0 : zero >= 0);
-}
-
 export class DiscreteState {
   constructor(scene) {
-    this.scene = scene;
-    this.own = scene.data.events;
-    const { own } = this;
-    this.time = scene.data.begin;
-    // what a function that has just crossed zero may come back by rounding, and its largest magnitude since
-    this.margin = new Float64Array(own.zeros.length);
-    this.largest = new Float64Array(own.zeros.length);
-    this.literal = true; // relations of time are taken as they are written, not as what they are right behind
-    for (const register of own.discrete) scene.w[register] = 0;
-    scene.functions.discreteStarts(this.time);
+    const { data, programs } = scene;
+    Object.assign(this, { scene, programs, own: data.events, page: programs.page, exports: programs.exports });
+    this.exports.lmoc_page_begin_events(this.page, data.begin, data.end - data.begin);
+    for (const register of this.own.discrete) scene.w[register] = 0;
+    scene.functions.discreteStarts(data.begin);
     this.remember();
   }
 
@@ -43,183 +32,135 @@ export class DiscreteState {
     return register < 0 ? NaN : this.scene.w[register];
   }
 
-  zero(k) {
-    return this.scene.w[this.own.zeros[k]];
-  }
-
   all() {
     return this.own.discrete.map((register) => this.w[register]);
   }
 
   /** Put back the values of `all()`. */
   put(values) {
-    this.scene.programs.switched();
+    this.programs.switched();
     this.own.discrete.forEach((register, k) => (this.w[register] = values[k]));
+  }
+
+  /** Do something with a state; what the instant comes to. */
+  ask(name, t, x) {
+    this.programs.x.set(x);
+    const found = this.exports[`lmoc_page_${name}`](this.page, t);
+    this.programs.checked(0);
+    return found;
   }
 
   /** Take the continuous values at a place. */
   look(t, x) {
-    this.time = t;
-    this.scene.evaluate(this.scene.functions.look, t, x);
+    this.judge(this.ask("take", t, x), t);
   }
 
   /** pre(v) := v */
   remember() {
-    this.own.before.forEach(([now, past]) => (this.w[past] = this.value(now)));
+    this.exports.lmoc_page_remember(this.page);
   }
 
   /** Carry out the discrete equations in their order. */
   assign() {
-    const { functions } = this.scene;
-    this.scene.functions.timed(this.time);
-    for (const step of this.own.steps) {
-      if (step.run !== undefined) functions.assign[step.run](this.time);
-      else step.targets.forEach((target, i) => (this.w[target] = this.relation(step, target, i)));
-      if (this.own.timed.length) functions.timed(this.time); // slopes and offsets may be discrete
-    }
-  }
-
-  relation({ op, zeros, timed, rows }, target, i) {
-    if (zeros !== null) return this.decided(op, zeros[i], this.w[target]);
-    const own = this.own.timed[timed];
-    const row = rows[i];
-    if (this.literal) return decide(op, this.w[own.literal[row]]);
-    const slope = this.w[own.slope[row]];
-    const zero = slope * this.time + this.w[own.offset[row]];
-    const nearest = op === "floor" ? Math.round(zero) : 0;
-    const behind = nearest + Math.sign(slope) * 0.5; // any value on the side to which it goes
-    const close = Math.abs(zero - nearest) <= Math.abs(slope) * nearTo(this.time) && slope !== 0;
-    return decide(op, close ? behind : zero);
-  }
-
-  /** A relation from its zero function; within the margin of a crossing it stays as it is now. */
-  decided(op, k, now) {
-    const zero = this.zero(k);
-    const beside = op === "floor" ? Math.max(now - zero, zero - now - 1) : Math.abs(zero);
-    return beside < this.margin[k] ? now : decide(op, zero);
-  }
-
-  /** Whether a zero function, as last looked at, asks for another value than its relation has. */
-  differs(k) {
-    const now = this.w[this.own.zeroTargets[k]];
-    return this.decided(this.own.zeroOps[k], k, now) !== now;
+    this.exports.lmoc_page_assign(this.page);
   }
 
   /** Find discrete values that agree with the continuous ones. */
   solve(t, x) {
-    for (let round = 0; round < MOST_ROUNDS; round++) {
-      this.look(t, x);
-      const before = this.all();
-      this.assign();
-      if (!this.all().some((v, k) => differs(v, before[k]))) return;
-      this.scene.programs.switched();
-    }
-    throw new Stopped(`no values satisfy all equations at t = ${t.toPrecision(6)} s`);
+    this.programs.switched();
+    this.judge(this.ask("solve", t, x), t);
+  }
+
+  /** Relations of time are taken as they are written, not as what they are right behind. */
+  set literal(is) {
+    this.exports.lmoc_page_literal(this.page, Number(is));
+  }
+
+  judge(found, t) {
+    if (found === SETTLED) return;
+    const at = `t = ${t.toPrecision(6)} s`;
+    if (found >= CULPRIT) throw new Stopped(`'${this.own.texts[found - CULPRIT]}' switches back and forth at ${at}`);
+    if (found === UNSETTLED) throw new Stopped(`no values satisfy all equations at ${at}`);
+    if (found === NO_VALUE) throw new Stopped(`the run stops at ${at}: the equations have no solution there`);
+    throw new Stopped(`what is given a new value by reinit at ${at} is no state, and follows from more than one`);
   }
 
   /**
-   * Carry out everything that happens at an instant: {x, whens, terminations, broken}. `begin` is called when the values
-   * before the event have been kept, to set what the event itself changes.
+   * Carry out everything that happens at an instant: {x, told}, the states behind it (the same array where none jumps) and
+   * the numbers of what is to be told. `begin` is called when the values before the event have been kept, to set what the
+   * event itself changes.
    */
   event(t, x, begin) {
-    const { own, w } = this;
-    const found = { x, whens: new Set(), terminations: [], broken: new Set() };
+    const { exports, page, programs } = this;
     this.look(t, x);
-    for (let round = 0; round < MOST_ROUNDS; round++) {
-      this.remember();
-      if (round === 0) begin();
-      this.scene.programs.switched();
-      this.solve(t, found.x);
-      own.whens.forEach((when, k) => {
-        if (w[when.active]) found.whens.add(k);
-      });
-      this.scene.functions.judge(t);
-      own.terminations.forEach((end, k) => {
-        if (end.guards.some((register) => w[register])) found.terminations.push(k);
-      });
-      own.checks.forEach((check, k) => {
-        if (w[check.register] === 0) found.broken.add(k);
-      });
-      const moved = this.reinit(t, found.x);
-      for (const samples of own.samples) for (const register of samples.target) w[register] = 0;
-      const changed = own.before.some(([now, past], k) => own.held[k] && differs(w[now], w[past]));
-      if (moved === null && !changed) return found;
-      found.x = moved ?? found.x;
-      this.look(t, found.x);
-    }
-    throw new Stopped(`events follow each other without end at t = ${t.toPrecision(6)} s`);
+    this.remember();
+    begin();
+    programs.x.set(x);
+    this.judge(exports.lmoc_page_event(page), t);
+    const behind = Float64Array.from(programs.answer);
+    const told = Array.from({ length: exports.lmoc_page_told_count(page) }, (_, k) => exports.lmoc_page_told_of(page, k));
+    return { x: behind.every((v, j) => v === x[j]) ? x : behind, told };
   }
 
   /** The states with the values that `reinit` gives them; null where it gives none. */
   reinit(t, x) {
-    const { own, w } = this;
-    if (!own.reinits.some(({ guard }) => w[guard])) return null;
-    const moved = Float64Array.from(x);
-    this.scene.functions.reinits(t);
-    for (const [one, wanted] of own.reinits.map((r) => [r, w[r.value]])) if (w[one.guard]) this.set(t, x, moved, one, wanted);
-    return moved;
+    const found = this.ask("reinit", t, x);
+    if (found > 1) this.judge(found, t);
+    return found ? Float64Array.from(this.programs.answer) : null;
   }
 
-  /** Change the state that a variable is, up to a factor and an offset. */
-  set(t, x, moved, { state, seen, name }, wanted) {
-    if (state >= 0) {
-      moved[state] = wanted;
-      return;
-    }
-    const at = (place) => {
-      this.look(t, place);
-      return this.value(seen);
-    };
-    const here = at(x);
-    const slopes = [...x.keys()].map((j) => at(x.map((v, i) => (i === j ? v + 1 : v))) - here);
-    this.look(t, x);
-    const least = 1e-12 * slopes.reduce((most, s) => Math.max(most, Math.abs(s)), 0);
-    const own = [...slopes.keys()].filter((j) => Math.abs(slopes[j]) > least);
-    if (own.length !== 1) throw new Stopped(`'${name}' is given a new value by reinit, but is no state`);
-    moved[own[0]] = x[own[0]] + (wanted - here) / slopes[own[0]];
+  /** The first time event behind a time, or, where asked for, at the time itself; infinity where there is none. */
+  nextTime(t, include = false) {
+    return this.exports.lmoc_page_next(this.page, t, Number(include));
   }
 
-  /** Let a relation change whose function is about to cross zero, or the next whole number, above or below. */
-  turn(k, upwards) {
-    const target = this.own.zeroTargets[k];
-    this.w[target] = this.own.rounded[k] ? this.w[target] + (upwards ? 1 : -1) : 1 - this.w[target];
-    this.margin[k] = Math.max(this.margin[k], 2 * this.height(k, this.zero(k)), OF_MAGNITUDE * this.largest[k]);
+  /** Set the variables of `sample` whose instant this is. */
+  ring(t) {
+    this.exports.lmoc_page_ring(this.page, t);
   }
 
-  /** Take note that functions have crossed zero: until they have left it, rounding does not bring them back. */
-  crossed(zeros) {
-    this.margin.forEach((margin, k) => {
-      if (this.height(k, this.zero(k)) > margin) this.margin[k] = 0;
-    });
-    for (const k of zeros) {
-      this.margin[k] = Math.max(OF_MAGNITUDE * this.largest[k], this.margin[k]);
-      this.largest[k] = 0;
-    }
+  /** Take note of functions that cross zero, 1, or of rounded ones the next whole number, 2. */
+  cross(t, x, which) {
+    const { exports, page, programs } = this;
+    new Float64Array(programs.buffer, exports.lmoc_page_crossing(page), which.length).set(which);
+    this.judge(this.ask("cross", t, x), t);
   }
 
-  /** The distance of a function from zero, of a rounded one from the nearest whole number. */
-  height(k, zero) {
-    return Math.abs(this.own.rounded[k] ? zero - Math.round(zero) : zero);
+  /** Let relations change that come to their change so soon that it is at this instant, though not there yet. */
+  turnEarly() {
+    this.exports.lmoc_page_turn_early(this.page);
+  }
+
+  /** Until functions have left zero that have crossed it, rounding does not bring them back. */
+  leaveZero() {
+    this.exports.lmoc_page_leave_zero(this.page);
+  }
+
+  /** Whether a jump of states sends some back to the side they came from. */
+  turnedBack(t, x) {
+    const found = this.ask("turned_back", t, x);
+    if (found > 1) this.judge(found === 2 ? NO_VALUE : found, t);
+    return found === 1;
+  }
+
+  /** Let these change back. */
+  flip() {
+    this.exports.lmoc_page_flip(this.page);
   }
 
   /** The functions whose change of sign is an event: the zero functions; of a rounded one both edges. */
   roots() {
-    const { own, scene } = this;
-    const sides = own.zeroTargets.map((register) => (this.w[register] > 0 ? 1 : -1));
-    const rounded = [...own.zeros.keys()].filter((k) => own.rounded[k]);
-    const signs = [...sides.map((s, k) => (own.rounded[k] ? 1 : s)), ...rounded.map(() => 1)];
-    const level = own.zeroTargets.map((register) => this.w[register]);
+    const { exports, page, programs } = this;
+    const count = exports.lmoc_page_edges(page);
+    const place = (this.edges ??= exports.lmoc_page_room(8 * count));
+    programs.checked(0);
+    const out = new Float64Array(programs.buffer, place, count);
+    exports.lmoc_page_sides(page, place);
     const value = (t, x) => {
-      scene.evaluate(scene.functions.look, t, x);
-      const zero = own.zeros.map((register) => scene.w[register]);
-      const margin = Float64Array.from(this.margin);
-      const found = zero.map((v, k) => (own.rounded[k] ? v - level[k] + margin[k] : v + sides[k] * margin[k]));
-      zero.forEach((v, k) => {
-        if (this.height(k, v) > 100 * margin[k]) this.margin[k] = 0; // it has left zero, whatever comes
-        if (Math.abs(v) > this.largest[k]) this.largest[k] = Math.abs(v);
-      });
-      return Float64Array.from([...found, ...rounded.map((k) => level[k] + 1 - zero[k] + margin[k])]);
+      programs.x.set(x);
+      exports.lmoc_page_edge_values(page, t, place);
+      return Float64Array.from(out);
     };
-    return { signs, value };
+    return { signs: [...out], value, followed: () => exports.lmoc_page_followed(page) };
   }
 }

@@ -5,6 +5,7 @@ export class RootFinder {
   constructor({ programs }, roots, t, x) {
     const count = roots.signs.length;
     this.programs = programs;
+    this.followed = roots.followed ?? (() => {}); // to be told that a step has been looked at
     const first = roots.value(t, x);
     programs.watch(Float64Array.from(roots.signs, (s, k) => (s === 0 ? Math.sign(first[k]) || 0 : s)), (method, time) => {
       const state = new Float64Array(method.x.length);
@@ -18,6 +19,7 @@ export class RootFinder {
   /** The place {t, x} in the last step of a method at which the integration ends; null where it goes on. */
   first(method) {
     const t = this.programs.rootOf(method);
+    this.followed();
     if (t === null) return null;
     this.which = this.programs.vanishing(this.which.length);
     const x = Float64Array.from(method.x);

@@ -1,0 +1,53 @@
+/* What a scene of a page consists of. */
+
+#ifndef LMOC_PAGE_SCENE_H
+#define LMOC_PAGE_SCENE_H
+
+#include "beside.h"
+#include "hops.h"
+#include "page.h"
+#include "roots.h"
+
+/* A table as a signal: a piecewise polynomial that holds its ends, as `numerics/signals/curves.py` makes it. */
+typedef struct {
+  int64_t place, order, knot_count, degrees;
+  const double *knots, *coefficients, *low, *high, *ends;
+} curve;
+
+/* A program, and the scene whose signals it reads: the interpreter is given its tape. */
+typedef struct {
+  lmoc_program program;
+  lmoc_page *page;
+} scene_program;
+
+/* The events of a scene: the memory of the discrete equations are the registers. */
+typedef struct {
+  lmoc_instant instant;
+  lmoc_hops hops;
+  int64_t look;                       /* which program fills the zero functions */
+  const int32_t *zero, *seen;         /* (zeros,), (reinits,) registers */
+  double *work, *noise, *which, *turn, *before, *at;
+} page_events;
+
+struct lmoc_page {
+  scene_program *programs;
+  curve *curves;
+  int64_t program_count, curve_count, size, n, unknown_count, right, branches;
+  int32_t *states, *derivatives, *unknowns;
+  double *w, *x, *answer, *atol, *f, *begin, *signs, *aside;
+  double aside_time;
+  int64_t aside_solved, dense, rejected, evaluations;
+  int switched;
+  const lmoc_call *last;
+  lmoc_call call;
+  lmoc_rules rules;
+  lmoc_steps steps;
+  lmoc_step_hook hook;
+  lmoc_finder finder;
+  page_events events;
+};
+
+/* Read the events behind the programs (`page_events.c`). */
+void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b);
+
+#endif
