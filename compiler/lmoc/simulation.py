@@ -281,13 +281,14 @@ def _as_run(
         origin = replace(prepared, reduced=prepared.minimal or prepared.reduced, minimal=None)
         return run_prepared(session, origin, replace(request, options=finer, progress=None), Clock())
 
-    def extended(flat: FlatDAE, inputs: Mapping[str, float]) -> Run:
+    def extended(flat: FlatDAE, inputs: Mapping[str, float], initial: Mapping[str, float] | None = None) -> Run:
         own = Session(session.scene, flat, Clock())
         values = np.concatenate([prepared.values[: prepared.flat.count], own.values[prepared.flat.count :]])
         reduced = pipeline.reduce(flat, values, session.scene.states, Clock())
         if reduced.state_names != prepared.reduced.state_names:  # what was added has led to others that serve as well
             reduced = pipeline.reduce(flat, values, prepared.reduced.state_names, Clock())
-        wanted = replace(request, inputs={**(request.inputs or {}), **inputs}, progress=None)
+        begun = {**(request.initial or {}), **initial} if initial else request.initial
+        wanted = replace(request, inputs={**(request.inputs or {}), **inputs}, initial=begun, progress=None)
         return run_prepared(own, Prepared(flat, reduced, values), wanted, Clock())
 
     notes = *session.flat.notes, *prepared.reduced.notes, *prepared.notes, *report.diagnostics, *trajectory.notes

@@ -94,6 +94,7 @@ def test_a_hand_is_the_spring_that_a_model_would_have_there(kind):
 
 
 UNHELD = ["notes/ex05_suspension", "laws/h06_bungee", "planar/slider_crank", "planar/double_pendulum"]
+UNHELD += ["hard/h12_rods_and_springs"]  # its start is open, and was guessed anew
 
 
 @pytest.mark.parametrize("file", UNHELD)

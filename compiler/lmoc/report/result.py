@@ -47,7 +47,7 @@ class Result:
         timings: Mapping[str, float] | None = None,
         broke_off: float | None = None,
         again: Callable[[np.ndarray], Result] | None = None,
-        extended: Callable[[FlatDAE, Mapping[str, float]], Result] | None = None,
+        extended: Callable[..., Result] | None = None,
     ):
         self.flat: FlatDAE = reduced.flat
         self.reduced = reduced
@@ -55,7 +55,7 @@ class Result:
         self.time: np.ndarray = trajectory.time
         self._notes = (*notes, *coarse_points(trajectory.stats, len(self.time), broke_off is None))
         self._again = again  # the same run with other output times
-        self.extended = extended  # the same run of its flat model with more in it, and the inputs for that
+        self.extended = extended  # the same run of its flat model with more in it, the inputs for that, and the start
         self.timings = dict(timings or {})
         self.events: tuple = tuple(trajectory.events)
         self.broke_off = broke_off

@@ -23,6 +23,7 @@ from lmoc.support.records import dataclass
 MOST_HANDS = 120
 MOST_STEPS = 20_000  # of a run that is made again with hands
 KINDS = {("m",): "line", ("rad",): "shaft", ("m", "m"): "point", ("m", "m", "rad"): "frame"}
+SAME = 1e-9  # of the largest value of a state: nearer starts are the same
 SIGNALS = {"line": 2, "shaft": 2, "point": 3, "frame": 5}  # stiffness, target, and where on a frame
 
 
@@ -114,6 +115,8 @@ def run_with_hands(run: Result, names: Sequence[str]) -> tuple[Result, list[Hand
         extended, hands, nothing = with_hands(flat, kept)
         try:
             held = run.extended(extended, nothing) if kept else None
+            if held is not None and (begun := _elsewhere(run, held)):
+                held = run.extended(extended, nothing, begun)
         except (ModelError, SimulationError):
             continue
         if held is not None and held.states == run.states:
@@ -121,6 +124,14 @@ def run_with_hands(run: Result, names: Sequence[str]) -> tuple[Result, list[Hand
             own = {name: new[id(every[k])] for name, k in places.items() if id(every[k]) in new}
             return held, hands, own
     return None
+
+
+def _elsewhere(run: Result, held: Result) -> dict[str, float]:
+    """Return the states of a run at its start, where one with hands begins elsewhere: what is open is guessed."""
+    if held.states != run.states or not len(run.time):
+        return {}
+    near = [np.abs(held[name][0] - run[name][0]) <= SAME * np.abs(run[name]).max() for name in run.states]
+    return {} if all(near) else {name: float(run[name][0]) for name in run.states}
 
 
 def of_origin(numbers: np.ndarray, run: Result, held: Result) -> np.ndarray:
