@@ -1,12 +1,12 @@
 // The state of the page as the fragment of its address, to be shared: #t=1.5&set=spring.k:60&show=mass.q
 
-/** The fragment of {t, speed, set, init, pulls, against, show, over, part, forces}; what is as at the beginning is left out. */
+/** The fragment of {t, speed, set, init, pulls, against, show, over, part, forces}; what is as at the beginning, null for the speed, is left out. */
 export function write(state) {
   const parts = [];
   const add = (key, value) => parts.push(`${key}=${value}`);
   const values = (set) => Object.entries(set).map(([name, value]) => `${encodeURIComponent(name)}:${value}`).join(",");
   if (state.t) add("t", Number(state.t.toPrecision(6)));
-  if (state.speed !== 1) add("speed", state.speed);
+  if (state.speed !== null) add("speed", state.speed);
   if (Object.keys(state.set).length) add("set", values(state.set));
   if (Object.keys(state.init).length) add("init", values(state.init));
   if (state.pulls.length) add("pull", state.pulls.map(([t, part, own]) => [t, encodeURIComponent(part), ...own].join(",")).join(";"));
@@ -23,7 +23,7 @@ export function write(state) {
 
 /** The state of a fragment; whatever is not understood is left as at the beginning. */
 export function read(fragment) {
-  const state = { t: 0, speed: 1, set: {}, init: {}, pulls: [], against: null, show: null, over: "", part: "", forces: false };
+  const state = { t: 0, speed: null, set: {}, init: {}, pulls: [], against: null, show: null, over: "", part: "", forces: false };
   let from = {};
   for (const part of fragment.replace(/^#/, "").split("&")) {
     const [key, value = ""] = part.split("=", 2);

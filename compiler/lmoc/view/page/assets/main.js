@@ -14,7 +14,7 @@ import { ModeMotion } from "./modes.js";
 import { Motion, movers } from "./motion.js";
 import { Stage } from "./picture.js";
 import { PhasePlot } from "./phase.js";
-import { Player, SPEEDS } from "./player.js";
+import { Player } from "./player.js";
 import { Plots } from "./plots.js";
 import { Shades } from "./shades.js";
 
@@ -76,7 +76,7 @@ class Page {
     this.sliders = new Sliders($("sliders"), script.parameters, () => this.simulate());
     this.starts = new Starts($("sliders"), script.names.filter((n) => this.given.has(n) && !n.startsWith("ledger.")), this.unitOf, () => this.started(this.starts.values));
     this.starts.put(this.init, (name) => this.given.of(name)[0]);
-    if (script.held.length) $("held").textContent = `The start of ${script.held.join(", ")} stays as it is in this run.`;
+    if (script.held.length) $("held").textContent = `Sliders do not change the start of ${script.held.join(", ")} in this page.`;
     $("parameters").hidden = false;
     for (const { item, group } of this.stage?.parts ?? []) group.classList.toggle("takes", canBeTaken(item));
     this.repeated = this.repeat(engine);
@@ -117,7 +117,7 @@ class Page {
     place.textContent = text;
     place.classList.toggle("warning", bad);
     if (bad) $("hint").append(place);
-    else $("held").after(place);
+    else document.querySelector("#page-notes .keys").before(place);
   }
 
   /** Find out how accurate the answer to a request is, once nothing more is asked for. */
@@ -182,7 +182,7 @@ class Page {
       this.putRuns(state);
     });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
-    for (const speed of SPEEDS) $("speed").append(new Option(`${speed}×`, String(speed)));
+    for (const speed of this.player.speeds) $("speed").append(new Option(`${speed}×`, String(speed)));
     Object.assign($("time"), { min: this.player.begin, max: this.player.end, step: "any" });
   }
 
@@ -215,7 +215,7 @@ class Page {
     if (state.show !== null) this.chooser.put(state.show);
     this.over = this.answer.has(state.over) ? state.over : "";
     $("over").value = this.over;
-    this.player.speed = state.speed;
+    this.player.speed = state.speed ?? this.player.usual;
     this.player.t = this.player.begin + state.t;
     this.forces = state.forces && !$("forces").disabled;
     $("forces").checked = this.forces;
@@ -326,7 +326,7 @@ class Page {
     const same = chooser.shown.join() === data.shown.join();
     return write({
       t: player.t - player.begin,
-      speed: player.speed,
+      speed: player.speed === player.usual ? null : player.speed,
       set: this.sliders?.values ?? {},
       init,
       pulls,

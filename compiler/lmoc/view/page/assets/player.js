@@ -1,11 +1,20 @@
 // The clock of the page: play, pause, scrub, speed, loop.
 
-export const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 4];
+const SPEEDS = [0.1, 0.2, 0.5, 1, 2, 4]; // beside the usual one
+const [SHORTEST, LONGEST] = [1, 60]; // s of a run that is shown in its own time
+const WATCHED = 8; // s that others are to take, within half a power of ten
+
+/** The usual speed of a run of a length, s: one whose motion can be seen. */
+export function usualSpeed(length) {
+  return length < SHORTEST || length > LONGEST ? 10 ** Math.round(Math.log10(length / WATCHED)) : 1;
+}
 
 export class Player {
   /** `show(t)` is called with each new time, `changed()` when it begins or ends to play. */
   constructor(begin, end, show, changed, frame = (f) => requestAnimationFrame(f)) {
-    Object.assign(this, { begin, end, show, changed, frame, t: begin, speed: 1, loop: true, playing: false });
+    const usual = end > begin ? usualSpeed(end - begin) : 1;
+    const speeds = SPEEDS.map((s) => Number((s * usual).toPrecision(3)));
+    Object.assign(this, { begin, end, show, changed, frame, usual, speeds, t: begin, speed: usual, loop: true, playing: false });
     this.last = null;
   }
 
@@ -52,8 +61,9 @@ export class Player {
   }
 
   faster(steps) {
-    const k = SPEEDS.reduce((best, s, i) => (Math.abs(s - this.speed) < Math.abs(SPEEDS[best] - this.speed) ? i : best), 0);
-    this.speed = SPEEDS[Math.min(Math.max(k + steps, 0), SPEEDS.length - 1)];
+    const { speeds } = this;
+    const k = speeds.reduce((best, s, i) => (Math.abs(s - this.speed) < Math.abs(speeds[best] - this.speed) ? i : best), 0);
+    this.speed = speeds[Math.min(Math.max(k + steps, 0), speeds.length - 1)];
     this.changed();
   }
 }
