@@ -42,8 +42,10 @@ def run_rows(job: Job, rows: Sequence[int]) -> Chunk:
 def _rows(job: Job, rows: Sequence[int], done: Sequence[tuple[list[int], Mapping[str, np.ndarray]]]) -> Chunk:
     """Return rows, those that are done and the others."""
     places = {row: k for k, row in enumerate(rows)}
-    series = {name: np.full((len(rows), len(job.times), *job.shapes[name]), np.nan) for name in job.names}
     reasons, events, others = [""] * len(rows), [()] * len(rows), dict(places)
+    if len(done) == 1 and done[0][0] == list(rows):
+        return _packed(job, dict(done[0][1]), reasons, events)
+    series = {name: np.full((len(rows), len(job.times), *job.shapes[name]), np.nan) for name in job.names}
     for part, made in done:
         at = [places[row] for row in part]
         for name, values in made.items():

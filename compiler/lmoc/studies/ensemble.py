@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -205,13 +206,13 @@ def joined(
     def together(tables: Sequence[Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:
         return {key: np.concatenate([table[key] for table in tables]) for key in tables[0]}
 
-    reasons = tuple(reason for chunk in chunks for reason in chunk.reasons)
+    reasons = tuple(chain.from_iterable(chunk.reasons for chunk in chunks))
     return Ensemble(
         name, time, given,
         together([c.series for c in chunks]), _Ends(together([c.end for c in chunks])),
         _Ends(together([c.minimum for c in chunks])), _Ends(together([c.maximum for c in chunks])),
-        np.array([bool(reason) for reason in reasons]), reasons,
-        tuple(events for chunk in chunks for events in chunk.events), units,
+        np.fromiter(map(bool, reasons), bool, len(reasons)), reasons,
+        tuple(chain.from_iterable(chunk.events for chunk in chunks)), units,
     )  # fmt: skip
 
 

@@ -75,7 +75,8 @@ def _of_one_plan(job: Job, rows: list[int]) -> tuple[list[int], Series]:
     runs, rows, initial = _chosen(runs, rows, initial, good)
     states, good = lanes.go(runs, system, options, span, initial)
     runs, rows, _ = _chosen(runs, rows, {}, good)
-    return rows, {name: _series(session.flat, runs, name, span.times, states[good]) for name in job.names}
+    states = states if good.all() else states[good]
+    return rows, {name: _series(session.flat, runs, name, span.times, states) for name in job.names}
 
 
 def _chosen(

@@ -28,7 +28,8 @@ typedef struct {
   int64_t seen;                   /* steps up to which nobody looks whether they get on */
   const double *times;
   int64_t outputs;
-  double *out;                    /* (lanes, outputs, n) */
+  double *out;                    /* (outputs, n) of each run … */
+  int64_t apart;                  /* … so far apart */
   lmoc_steps *steps;              /* DOP853; or 0 */
   const lmoc_taylor *taylor;      /* series; or 0 */
   double *memory;                 /* of series, (2*n*(LENGTH + 1) + n, lanes) */
@@ -101,7 +102,7 @@ static void with_dop853(const lanes *l, int64_t lane) {
   while ((s->most = left(l, g, begin, &allowed)) > 0) {
     s->times = l->times + g->reached;
     s->outputs = s->room = l->outputs - g->reached;
-    s->out = l->out + (lane*l->outputs + g->reached)*n;
+    s->out = l->out + lane*l->apart + g->reached*n;
     g->found = lmoc_dop853_walk(s);
     g->steps += s->steps;
     g->rejected += s->rejected;
@@ -128,7 +129,7 @@ static int go_on(const lanes *l, lmoc_walk *s, int64_t k, lane *own) {
   s->most[k] = left(l, g, own->begin, &own->allowed);
   s->times[k] = l->times + g->reached;
   s->outputs[k] = s->room[k] = l->outputs - g->reached;
-  s->out[k] = l->out + (own->run*l->outputs + g->reached)*l->call->n;
+  s->out[k] = l->out + own->run*l->apart + g->reached*l->call->n;
   return s->most[k] > 0;
 }
 

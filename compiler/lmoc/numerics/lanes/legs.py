@@ -38,6 +38,7 @@ class _Lanes(ctypes.Structure):
         ("times", ctypes.c_void_p),
         ("outputs", ctypes.c_int64),
         ("out", ctypes.c_void_p),
+        ("apart", ctypes.c_int64),
         ("steps", ctypes.POINTER(Steps)),
         ("taylor", ctypes.POINTER(WithSeries)),
         ("memory", ctypes.c_void_p),
@@ -53,7 +54,7 @@ class Legs:
     x : (runs, n) where each stands
     atol : (runs, n) absolute tolerances
     state : (runs,) of `LEG`: where each stands, what its next leg may take, and how the last one has ended
-    out : (runs, times, n) states at the output times
+    out : (runs, times, n) states at the output times, for others to read
     """
 
     base: np.ndarray
@@ -65,7 +66,7 @@ class Legs:
 
     def __init__(
         self, system: EngineSystem, base: np.ndarray, x: np.ndarray, begin: float, end: float, times: np.ndarray,
-        longest: float, patience: float, order: int | None = None, among: Legs | None = None,
+        out: np.ndarray, longest: float, patience: float, order: int | None = None, among: Legs | None = None,
     ) -> None:  # fmt: skip
         """
         Parameters
@@ -78,11 +79,13 @@ class Legs:
             self._stand_at_the_beginning(base, x, begin, times)
         else:
             self.base, self.x, self.times = among.base, among.x, among.times
-            self.atol, self.state, self.out = among.atol, among.state, among.out
+            self.atol, self.state = among.atol, among.state
+        self.out = out
         self._engine = library()
         arrays = [a.ctypes.data for a in (self.base, self.x, self.atol, self.state)]
         registers = base.shape[1], len(system.kernel.tape.blocks)
-        span = end, longest, patience, 0, _SEEN, self.times.ctypes.data, len(times), self.out.ctypes.data
+        span = end, longest, patience, 0, _SEEN, self.times.ctypes.data, len(times), out.ctypes.data
+        span = *span, out.strides[0] // 8
         self._series: SeriesInLanes | None = None
         if order is None:
             self._stepper = EngineStepper(system)
@@ -101,7 +104,6 @@ class Legs:
         runs, n = x.shape
         self.base, self.x, self.times = np.ascontiguousarray(base), np.array(x), np.ascontiguousarray(times)
         self.atol, self.state = np.empty((runs, n)), np.zeros(runs, LEG)
-        self.out = np.full((runs, len(times), n), np.nan)
         self.state["time"], self.state["step"] = begin, np.inf
 
     def walk(self, which: np.ndarray, goes_on: bool = False) -> None:

@@ -43,35 +43,36 @@ def go(
     recorder.record_start(begin, x[0])
     first = recorder.reached
     states = np.full((runs.count, len(span.times), x.shape[1]), np.nan)
-    states[:, :first] = x[:, None]
+    states[:, :first], out = x[:, None], states[:, first:]
     longest = np.inf if options.max_step is None else options.max_step
     system.prepare(runs.base[0], runs.signals)
     times = span.times[first:]
     if end > begin:
         if options.solver == "auto":
-            made = _automatic(runs, system, (begin, end), times, longest, options.max_steps)
+            made = _automatic(runs, system, (begin, end), times, out, longest, options.max_steps)
         else:
-            made = _named(runs, system, (begin, end), times, longest, options)
-        good, states[:, first:] = made(x, good, max(rtol, FINEST), atol)
+            made = _named(runs, system, (begin, end), times, out, longest, options)
+        good = made(x, good, max(rtol, FINEST), atol)
     if options.atol is None:
         good = good & _right_size(runs, states, span, rtol, good)
     return states, good
 
 
-Made = Callable[[np.ndarray, np.ndarray, float, np.ndarray], tuple[np.ndarray, np.ndarray]]
+Made = Callable[[np.ndarray, np.ndarray, float, np.ndarray], np.ndarray]  # returns which have come to their end
 
 
 def _named(
-    runs: Runs, system: EngineSystem, span: tuple[float, float], times: np.ndarray, longest: float, options: RunOptions
-) -> Made:
+    runs: Runs, system: EngineSystem, span: tuple[float, float], times: np.ndarray, out: np.ndarray, longest: float,
+    options: RunOptions,
+) -> Made:  # fmt: skip
     """Return what makes runs with one method."""
 
-    def made(x: np.ndarray, good: np.ndarray, rtol: float, atol: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def made(x: np.ndarray, good: np.ndarray, rtol: float, atol: np.ndarray) -> np.ndarray:
         order = taylor.order_for(rtol) if options.solver == "taylor" else None
-        own = Legs(system, runs.base, x, *span, times, longest, np.inf, order)
+        own = Legs(system, runs.base, x, *span, times, out, longest, np.inf, order)
         own.atol[:], own.state["rtol"], own.state["most"] = atol, rtol, options.max_steps
         _walk(own, np.flatnonzero(good))
-        return good & (own.state["found"] == 0), own.out
+        return good & (own.state["found"] == 0)
 
     return made
 
@@ -83,22 +84,29 @@ def _walk(own: Legs, which: np.ndarray, goes_on: bool = False) -> None:
 
 
 def _automatic(
-    runs: Runs, system: EngineSystem, span: tuple[float, float], times: np.ndarray, longest: float, most: int
-) -> Made:
+    runs: Runs, system: EngineSystem, span: tuple[float, float], times: np.ndarray, out: np.ndarray, longest: float,
+    most: int,
+) -> Made:  # fmt: skip
     """Return what makes runs by the rules of `auto`, as far as DOP853 and the first steps along a series make them."""
 
-    def made(x: np.ndarray, good: np.ndarray, rtol: float, atol: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        own = Legs(system, runs.base, x, *span, times, longest, patience(system))
+    def made(x: np.ndarray, good: np.ndarray, rtol: float, atol: np.ndarray) -> np.ndarray:
+        own = Legs(system, runs.base, x, *span, times, out, longest, patience(system))
         together = _Together(own, system, Problem(
             system, span[0], x[0], span[1], times, rtol, atol[0], lambda first, states: None,
             max_step=longest, max_steps=most, patience=patience(system),
         ))  # fmt: skip
-        return together.go(x, atol, good), own.out
+        return together.go(x, atol, good)
 
     return made
 
 
 Going = Generator[Leg, None, tuple[Outcome, Used]]
+Asked = list[tuple[Leg, np.ndarray]]  # legs, and the runs that are to make them
+
+
+def _of(asked: Asked, name: str) -> np.ndarray:
+    """Return the runs that go on with a method."""
+    return np.concatenate([np.zeros(0, int), *(which for leg, which in asked if leg.name == name)])
 
 
 class _Together:
@@ -128,13 +136,12 @@ class _Together:
         way = self._way(part)
         leg, first = next(legs(way)), True
         self._set_out(part, way, leg)
-        asked = dict.fromkeys(part.tolist(), leg)
-        while asked := {k: leg for k, leg in asked.items() if leg.name == "dop853" or self._suits_series(leg)}:
-            others = [k for k, leg in asked.items() if leg.name == "dop853"]
-            _walk(self.own, np.array(others, int), self.alone and not first)
-            for order, which in self._along_series(asked).items():
+        asked: Asked = [(leg, part)]
+        while asked := [(leg, which) for leg, which in asked if leg.name == "dop853" or self._suits_series(leg)]:
+            _walk(self.own, _of(asked, "dop853"), self.alone and not first)
+            for order, which in self._along_series(_of(asked, "taylor")).items():
                 _walk(self._of_order(order), which)
-            asked, first = dict(self._next(asked, ended)), False
+            asked, first = list(self._next(asked, ended)), False
 
     def _way(self, which: np.ndarray | int) -> Way:
         """Return the way of one run, or of several as far as it is the same for all of them."""
@@ -147,9 +154,8 @@ class _Together:
         """Return whether C makes a leg along a series: the first one, at whose steps nobody looks."""
         return leg.name == "taylor" and leg.shortest == 0.0 and not self.alone
 
-    def _along_series(self, asked: dict[int, Leg]) -> dict[int, np.ndarray]:
-        """Return the runs that go along series, by their orders."""
-        which = np.array([k for k, leg in asked.items() if leg.name == "taylor"], int)
+    def _along_series(self, which: np.ndarray) -> dict[int, np.ndarray]:
+        """Return runs that go along series by their orders."""
         asks, at = np.unique(self.own.state["rtol"][which], return_inverse=True)
         orders = np.array([taylor.order_for(rtol) for rtol in asks.tolist()], int)
         return {order: which[orders[at] == order] for order in np.unique(orders).tolist()}
@@ -157,7 +163,7 @@ class _Together:
     def _of_order(self, order: int) -> Legs:
         if order not in self.series:
             p, own = self.problem, self.own
-            given = p.t, p.end, own.times, p.max_step, p.patience
+            given = p.t, p.end, own.times, own.out, p.max_step, p.patience
             self.series[order] = Legs(p.system, own.base, own.x, *given, order, own)
         return self.series[order]
 
@@ -180,14 +186,15 @@ class _Together:
             return None
         return self.jacobians[k]
 
-    def _next(self, asked: dict[int, Leg], ended: np.ndarray) -> Iterator[tuple[int, Leg]]:
+    def _next(self, asked: Asked, ended: np.ndarray) -> Iterator[tuple[Leg, np.ndarray]]:
         """Yield the next legs of the runs that have arrived and go on; those that Python looks at are dropped."""
-        which = np.array(list(asked), int)
-        found = self.own.state["found"][which]
-        ended[which[found == _OVER]] = True  # whatever would follow
-        arrived = which[found == _ENOUGH]
-        self._look_around(arrived)
-        for k in arrived.tolist():
+        arrived: list[tuple[Leg, np.ndarray]] = []
+        for leg, which in asked:
+            found = self.own.state["found"][which]
+            ended[which[found == _OVER]] = True  # whatever would follow
+            arrived.append((leg, which[found == _ENOUGH]))
+        self._look_around(np.concatenate([which for _, which in arrived]))
+        for leg, k in ((leg, k) for leg, which in arrived for k in which.tolist()):
             if k not in self.under_way:
                 way = self._way(k)
                 self.under_way[k] = way, legs(way)
@@ -196,11 +203,11 @@ class _Together:
             counts = {"steps": int(state["steps"]), "rejected": int(state["rejected"])}
             reached, time = int(state["reached"]) - way.outcome.reached, float(state["time"])
             status, x = FOUND[_ENOUGH], self.own.x[k].copy()
-            way.arrive(asked[k], Outcome(time, x, reached, status, counts, float(state["step"])))
+            way.arrive(leg, Outcome(time, x, reached, status, counts, float(state["step"])))
             following = next(rule, None)
             if following is not None:
                 self._set_out(k, way, following)
-                yield k, following
+                yield following, np.array([k])
 
 
 def _right_size(runs: Runs, states: np.ndarray, span: TimeSpan, rtol: float, good: np.ndarray) -> np.ndarray:

@@ -68,6 +68,8 @@ class Runs:
         part = slice_of(plan, plan.reduced.register_of[variables[computed]])
         if not part.suits_runs or len(times) < 2:
             return np.stack([self.observer(k)(variables, times, states[k]) for k in range(self.count)])
+        if len(computed) == len(variables):
+            return part.across(self.base, times, states)
         found = np.full((self.count, len(times), len(variables)), np.nan)
         found[:, :, constant] = self.values[variables[constant]].T[:, None]
         for k in inputs.tolist():
