@@ -7,9 +7,10 @@ import pytest
 from conftest import ROOT
 
 import lmoc
-from lmoc.engine.accelerator import Accelerator, c_text, compile_tape
+from lmoc.engine.accelerator import Accelerator, TapeAccelerator, c_text, compile_tape
 from lmoc.engine.compiler import find_compiler
 from lmoc.engine.kernel import Kernel
+from lmoc.engine.series_text import SeriesAccelerator
 from lmoc.expression import dag
 from lmoc.expression.dag import slot
 from lmoc.expression.functions import BINARY, FUNCTIONS, UNARY
@@ -104,7 +105,7 @@ def test_only_long_work_is_compiled(monkeypatch):
     plan, _ = plan_of("planar/chain")
     begun: list[Accelerator] = []
     monkeypatch.setattr(Accelerator, "_compile", lambda self: begun.append(self))
-    accelerator = Accelerator(values_tape(plan.program, plan.count))
+    accelerator = TapeAccelerator(values_tape(plan.program, plan.count))
     accelerator.note(1000)
     assert not begun
     for _ in range(3):
@@ -116,3 +117,33 @@ def test_constants_are_read_so_that_no_compiler_computes_with_them():
     program = (Apply(dag.function("sin", dag.const(0.7)) + slot(0), np.array([[0]]), np.array([1])),)
     text = c_text(values_tape(program, 2))
     assert "0.7" not in text and "0.64" not in text
+
+
+FUNCTIONS_OF_TIME = """
+model M
+  parameter Real a = 2, b = 0.3;
+  Real x(start = 1, fixed = true), y(start = 0.5, fixed = true);
+equation
+  der(x) = a*exp(-y)*sin(b*time) - x^3/(1 + y^2) + sqrt(2 + x)*y^1.7;
+  der(y) = atan2(x, a + y) - y*tanh(x) + (a*x - 3)/(a + 2);
+end M;
+"""
+
+
+@pytest.mark.parametrize("scene", [FUNCTIONS_OF_TIME, "planar/double_pendulum"])
+def test_compiled_series_change_no_bit(scene, monkeypatch):
+    dae = lmoc.compile_text(scene) if scene is FUNCTIONS_OF_TIME else lmoc.compile(ROOT / f"models/{scene}.lmo")
+    name, asked = dae.states[0], []
+    options = {"stop": 0.5, "points": 9, "workers": 1, "keep": dae.states}
+    runs = {"initial": {name: np.linspace(0.9, 1.1, 6)}, **options}
+    before = dae.ensemble(**runs)
+
+    def note(self, sweeps):
+        asked.append(sweeps)
+        self.library = self._make()
+
+    monkeypatch.setattr(SeriesAccelerator, "note", note)
+    dae.ensemble(**runs)
+    after = dae.ensemble(**runs)
+    assert len(asked) == 1 and asked[0] > 0  # compiled from then on
+    assert all(before[own].tobytes() == after[own].tobytes() for own in dae.states)

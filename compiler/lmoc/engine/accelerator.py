@@ -10,6 +10,7 @@ from __future__ import annotations
 import ctypes
 import re
 import threading
+from abc import ABC, abstractmethod
 from functools import cache
 from pathlib import Path
 
@@ -43,14 +44,15 @@ def cost(tape: Tape) -> int:
 
 def c_text(tape: Tape) -> str:
     """Return the text of ``int lmoc_program(time, w, tape)``."""
-    return _headers() + _Text(tape).text()
+    return headers("lane", "lu", "tape") + _Text(tape).text()
 
 
 @cache
-def _headers() -> str:
+def headers(*names: str) -> str:
+    """Return headers of the engine as one text, in an order in which each needs those before it."""
     folder = Path(__file__).with_name("c")
-    text = "".join((folder / name).read_text(encoding="utf-8") for name in ("lane.h", "lu.h", "tape.h"))
-    return re.sub('#include "(lane|lu).h"\n', "", text)
+    text = "".join((folder / f"{name}.h").read_text(encoding="utf-8") for name in names)
+    return re.sub('#include "[a-z]+.h"\n', "", text)
 
 
 class _Text:
@@ -200,18 +202,22 @@ def compile_tape(tape: Tape) -> ctypes.CDLL | None:
     return load_library(c_text(tape), OPTIONS)
 
 
-class Accelerator:
-    """Compiles a tape beside its use, when it has been worked with for long.
+class Accelerator(ABC):
+    """Compiles beside its use what has been worked with for long.
 
     Attributes
     ----------
     library : what has been made; None as long as there is nothing
     """
 
-    def __init__(self, tape: Tape) -> None:
+    def __init__(self, cost_of_one: float) -> None:
+        """
+        Parameters
+        ----------
+        cost_of_one : operations of an evaluation, of about a nanosecond
+        """
         self.library: ctypes.CDLL | None = None
-        self._tape, self._work, self._cost = tape, 0.0, cost(tape)
-        self._begun = False
+        self._work, self._cost, self._begun = 0.0, cost_of_one, False
 
     def note(self, evaluations: int) -> None:
         """Take note of evaluations that have been made."""
@@ -222,4 +228,19 @@ class Accelerator:
             threading.Thread(target=self._compile, daemon=True).start()
 
     def _compile(self) -> None:
-        self.library = compile_tape(self._tape)
+        self.library = self._make()
+
+    @abstractmethod
+    def _make(self) -> ctypes.CDLL | None:
+        """Compile; None where there is no compiler, or too long a text for one."""
+
+
+class TapeAccelerator(Accelerator):
+    """Compiles a tape."""
+
+    def __init__(self, tape: Tape) -> None:
+        super().__init__(cost(tape))
+        self._tape = tape
+
+    def _make(self) -> ctypes.CDLL | None:
+        return compile_tape(self._tape)

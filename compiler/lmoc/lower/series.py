@@ -38,7 +38,7 @@ RECURRENCES = tuple(
     "solve".split()
 )
 _NUMBER = {name: k for k, name in enumerate(RECURRENCES)}
-_PRODUCTS = {_NUMBER[name] for name in ("convolve", "square", "quotient", "power", "chain", "chain_more")}
+PRODUCTS = {"convolve", "square", "quotient", "power", "chain", "chain_more"}
 LENGTH = 32  # coefficients that a series has room for (``LMOC_LENGTH``)
 
 
@@ -102,7 +102,7 @@ class _SeriesWriter:
         tape = self.tape.finish(np.array([*self.source, *self.numbers], np.int64))
         flat = [x for c in self.code for x in c] + [0] * 4
         clock = self.series.get(self.tape.time, -1)
-        share = sum(c[0] in _PRODUCTS for c in self.code) / max(1, len(self.code))
+        share = sum(RECURRENCES[c[0]] in PRODUCTS for c in self.code) / max(1, len(self.code))
         return Series(tape, np.array(flat, np.int32), np.array(self.source, np.int32), clock, of_register, share)
 
     def of(self, place: int) -> int:

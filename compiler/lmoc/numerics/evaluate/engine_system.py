@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lmoc.engine.accelerator import Accelerator
+from lmoc.engine.accelerator import TapeAccelerator
 from lmoc.engine.kernel import Call, Kernel
 from lmoc.engine.library import address
 from lmoc.ir.program import Program
@@ -36,9 +36,9 @@ def plan_tape(plan: Plan) -> Tape:
     return values_tape(plan.program, plan.count)
 
 
-def plan_accelerator(plan: Plan) -> Accelerator:
+def plan_accelerator(plan: Plan) -> TapeAccelerator:
     """Return what compiles a plan's tape when it has been worked with for long; to be asked for by `Plan.once`."""
-    return Accelerator(plan.once(plan_tape))
+    return TapeAccelerator(plan.once(plan_tape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class EngineSystem(System):
         tape = plan.once(plan_tape) if program is None else values_tape(program, plan.count)
         self.kernel = self._kernel(tape)
         self.w = self.kernel.w[: plan.count]
-        self._accelerator = plan.once(plan_accelerator) if program is None else Accelerator(tape)
+        self._accelerator = plan.once(plan_accelerator) if program is None else TapeAccelerator(tape)
         self._accelerated, self._noted = False, 0
         self._x = np.zeros(self.n + len(plan.sampled))
         self._own = self._call(np.arange(self.n))

@@ -9,6 +9,7 @@ import numpy as np
 
 from lmoc.engine.kernel import Call, Kernel
 from lmoc.engine.library import address, library
+from lmoc.engine.series_text import SeriesAccelerator
 from lmoc.lower.recurrences import NoSeries
 from lmoc.lower.series import LENGTH, Series, series_of
 from lmoc.lower.tape import Tape
@@ -107,6 +108,17 @@ class SeriesInLanes:
         self.memory = _aligned((2 * length + 3) * len(plan.states) * lanes)
         self.blocks = len(kernel.tape.blocks), len(start.tape.blocks)
         self._kept = kernel
+        self._accelerator, self._accelerated = SeriesAccelerator(series.code), not self.lanes
+
+    def note_work(self, sweeps: int) -> None:
+        """Take note of series of as many runs at a time, and go on with compiled code if it is there by now."""
+        if self._accelerated:
+            return
+        self._accelerator.note(sweeps)
+        compiled = self._accelerator.library
+        if compiled is not None:
+            self.in_c.series.contents.order = ctypes.cast(compiled.lmoc_order, ctypes.c_void_p).value
+            self._accelerated = True
 
 
 def _aligned(count: int) -> np.ndarray:

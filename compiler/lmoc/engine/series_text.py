@@ -1,0 +1,93 @@
+"""The recurrences of a series as C: one order, instruction by instruction, for as many runs as there are lanes."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator
+
+import numpy as np
+
+from lmoc.engine.accelerator import OPTIONS, Accelerator, headers
+from lmoc.engine.compiler import find_compiler, load_library
+from lmoc.lower.series import PRODUCTS, RECURRENCES
+
+_LONGEST = 2_000  # instructions of a text: each of them may be a loop
+_INSTRUCTION, _PRODUCT = 60.0, 250.0  # operations of about a nanosecond of all orders together
+_TEXT = {
+    "copy": "{out} = {a};",
+    "neg": "{out} = -{a};",
+    "add": "{out} = {a} + {b};",
+    "sub": "{out} = {a} - {b};",
+    "scale": "{out} = {number} * {a};",
+    "scale_more": "{out} += {number} * {a};",
+    "ratio": "{out} = {a} / {number};",
+    "convolve": "convolve(k, {A}, {B}, {OUT});",
+    "square": "square(k, {A}, {OUT});",
+    "quotient": "{{ const lmoc_real top = {a}; quotient(k, &top, {B}, {OUT}); }}",
+    "power": "power(k, {A}, &{number}, {OUT});",
+    "chain": "chain(k, {A}, {B}, {OUT});",
+    "chain_more": "chain_more(k, {A}, {B}, {OUT});",
+    "open": "y->open(y, {0}, k);",
+    "solve": "y->solve(y, {0}, k);",
+}
+# Products as functions: a loop for each of them in one text takes the compiler seconds.
+_PRODUCTS = """
+#define PRODUCT(name, value) \\
+  LMOC_WIDEST static void name(int64_t k, const lmoc_real *a, const lmoc_real *b, lmoc_real *out) { out[k] value; }
+PRODUCT(convolve, = lmoc_convolve(k, a, b))
+PRODUCT(chain, = lmoc_chain(k, a, b))
+PRODUCT(chain_more, += lmoc_chain(k, a, b))
+PRODUCT(quotient, = (*a - lmoc_rest(k, b, out)) / b[0])
+PRODUCT(power, = lmoc_power(k, a, *b, out))
+LMOC_WIDEST static void square(int64_t k, const lmoc_real *a, lmoc_real *out) { out[k] = lmoc_square(k, a); }
+"""
+
+
+def _instructions(code: np.ndarray) -> Iterator[tuple[str, list[int]]]:
+    """Yield the operations with what follows them."""
+    at, numbers = 0, code.tolist()
+    while numbers[at]:
+        name = RECURRENCES[numbers[at]]
+        end = at + 4 + (2 * numbers[at + 2] if name == "total" else 0)
+        yield name, numbers[at + 1 : end]
+        at = end
+
+
+def series_text(code: np.ndarray) -> str:
+    """Return the text of ``void lmoc_order(series, k)``, which does what the instructions of a series say."""
+    lines = [_line(name, rest) for name, rest in _instructions(code)]
+    return "\n".join([
+        "#define LMOC_OF_LANES",
+        headers("lane", "lu", "tape", "engine", "series", "recurrence"),
+        _PRODUCTS,
+        "#define S(i) (s + (int64_t)(i)*LMOC_LENGTH)",
+        "#define W(place) LMOC_ROW(w, place)",
+        "LMOC_WIDEST void lmoc_order(const lmoc_series *y, int64_t k) {",
+        "  lmoc_real *const s = (lmoc_real *)y->s;",
+        "  double *const w = y->w;",
+        *lines,
+        "}\n",
+    ])  # fmt: skip
+
+
+def _line(name: str, rest: list[int]) -> str:
+    out, a, b = rest[:3]
+    if name == "total":
+        terms = [f"W({number}) * S({own})[k]" for own, number in zip(rest[3::2], rest[4::2], strict=True)]
+        return f"  S({out})[k] = (lmoc_real){{0}} + {' + '.join(terms)};"
+    series = {"out": f"S({out})[k]", "a": f"S({a})[k]" if a >= 0 else "(lmoc_real){0}", "b": f"S({b})[k]"}
+    return "  " + _TEXT[name].format(a, **series, A=f"S({a})", B=f"S({b})", OUT=f"S({out})", number=f"W({b})")
+
+
+class SeriesAccelerator(Accelerator):
+    """Compiles the instructions of a series beside their use."""
+
+    def __init__(self, code: np.ndarray) -> None:
+        names = [name for name, _ in _instructions(code)]
+        super().__init__(_INSTRUCTION * len(names) + _PRODUCT * sum(name in PRODUCTS for name in names))
+        self._code, self._count = code, len(names)
+
+    def _make(self) -> ctypes.CDLL | None:
+        if self._count > _LONGEST or find_compiler() is None:
+            return None
+        return load_library(series_text(self._code), OPTIONS)
