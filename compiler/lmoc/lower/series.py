@@ -39,6 +39,7 @@ RECURRENCES = tuple(
 )
 _NUMBER = {name: k for k, name in enumerate(RECURRENCES)}
 PRODUCTS = {"convolve", "square", "quotient", "power", "chain", "chain_more"}
+_OF_TWO = {"add", "sub", "convolve", "quotient", "chain", "chain_more"}  # series; others have one, and a number
 LENGTH = 32  # coefficients that a series has room for (``LMOC_LENGTH``)
 
 
@@ -195,10 +196,9 @@ class _SeriesWriter:
     # ------------------------------------------------------------------ blocks
 
     def _solve(self, step: Solve) -> None:
-        """Each order is linear in the unknowns: residuals where they are zero, a solution, and all that reads it."""
+        """Each order is linear in the unknowns: residuals where they are zero, a solution, what depends on it."""
         block = self._factorized(step)
-        for register in step.unknowns.ravel().tolist():
-            self.of(register)
+        unknowns = {self.of(register) for register in step.unknowns.ravel().tolist()}
         self.write("open", 0, block)
         first = len(self.code)
         self.program(step.inner)
@@ -206,7 +206,7 @@ class _SeriesWriter:
             self.of(register)
         inner = self.code[first:]
         self.write("solve", 0, block)
-        self.code += inner
+        self.code += _dependent(inner, unknowns)
 
     def _factorized(self, step: Solve) -> int:
         """Have the matrix factorized at order zero; the number of the block."""
@@ -224,3 +224,16 @@ class _SeriesWriter:
         number = writer.block(block)
         writer.on_block("factor", number)
         return number
+
+
+def _dependent(code: list[tuple[int, ...]], unknowns: set[int]) -> list[tuple[int, ...]]:
+    """Return the instructions whose series depend on some unknowns; all of them where there are blocks within."""
+    if any(RECURRENCES[own[0]] in ("open", "solve") for own in code):
+        return code
+    moved = set(unknowns)
+    for op, out, a, b, *terms in code:
+        name = RECURRENCES[op]
+        read = terms[::2] if name == "total" else [a, b] if name in _OF_TWO else [a]
+        if not moved.isdisjoint(read):
+            moved.add(out)
+    return [own for own in code if own[1] in moved]
