@@ -11,6 +11,7 @@ import ctypes
 import re
 import threading
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -197,9 +198,12 @@ def operation(name: str, args: list[str]) -> str:
 
 def compile_tape(tape: Tape) -> ctypes.CDLL | None:
     """Compile a tape; None where there is no compiler, or the tape is too long for one."""
-    if len(tape.code) > _LONGEST or find_compiler() is None:
-        return None
-    return load_library(c_text(tape), OPTIONS)
+    return None if len(tape.code) > _LONGEST else compiled(lambda: c_text(tape))
+
+
+def compiled(text: Callable[[], str]) -> ctypes.CDLL | None:
+    """Compile a text, which is written only where there is a compiler; None where there is none."""
+    return None if find_compiler() is None else load_library(text(), OPTIONS)
 
 
 class Accelerator(ABC):

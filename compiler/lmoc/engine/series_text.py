@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lmoc.engine.accelerator import OPTIONS, Accelerator, headers
-from lmoc.engine.compiler import find_compiler, load_library
+from lmoc.engine.accelerator import Accelerator, compiled, headers
 from lmoc.lower.series import PRODUCTS, RECURRENCES
 
 _LONGEST = 2_000  # instructions of a text: each of them may be a loop
@@ -88,6 +87,4 @@ class SeriesAccelerator(Accelerator):
         self._code, self._count = code, len(names)
 
     def _make(self) -> ctypes.CDLL | None:
-        if self._count > _LONGEST or find_compiler() is None:
-            return None
-        return load_library(series_text(self._code), OPTIONS)
+        return None if self._count > _LONGEST else compiled(lambda: series_text(self._code))
