@@ -8,16 +8,41 @@ from conftest import ROOT
 from scipy.integrate import solve_ivp
 
 import lmoc
-from lmoc.numerics.coordinates import local_form, watch
+from lmoc.numerics.coordinates import watch
 from lmoc.numerics.coordinates.tableau import rank_margin
 
 WINDOWS = ROOT / "models/classic/windows.lmo"
-
-
-@pytest.fixture(autouse=True)
-def few(monkeypatch):
-    """Have few constraints seen in blocks as well."""
-    monkeypatch.setattr(local_form, "DENSE", 8)
+LIFT = """
+model Lift "Crossing bars in stages; the lowest ones stand on a pin and on a slider"
+  import Planar.*;
+  parameter Integer N = 7;
+  inner World world;
+  Ground ground;
+  Revolute hinge, foot, middle[N], left[N - 1], right[N - 1];
+  Prismatic slide(s(start = cos(0.5), fixed = true), v(start = 0, fixed = true));
+  Bar up[N](each l = 1, each m = 1, each theta(start = 0.5));
+  Bar down[N](each l = 1, each m = 1, each theta(start = 2.64));
+  Link rising[N](each rx = 0.5, each ry = 0), falling[N](each rx = 0.5, each ry = 0);
+equation
+  connect(ground.frame, hinge.a);
+  connect(hinge.b, up[1].a);
+  connect(ground.frame, slide.a);
+  connect(slide.b, foot.a);
+  connect(foot.b, down[1].a);
+  for i in 1:N loop
+    connect(up[i].a, rising[i].a);
+    connect(down[i].a, falling[i].a);
+    connect(rising[i].b, middle[i].a);
+    connect(middle[i].b, falling[i].b);
+  end for;
+  for i in 1:N - 1 loop
+    connect(down[i].b, left[i].a);
+    connect(left[i].b, up[i + 1].a);
+    connect(up[i].b, right[i].a);
+    connect(right[i].b, down[i + 1].a);
+  end for;
+end Lift;
+"""
 
 
 def looks(n: int, stop: float, monkeypatch) -> tuple[list, lmoc.Result]:
@@ -59,3 +84,28 @@ def test_margin_is_that_of_one_window_however_many_there_are(monkeypatch):
     few, many = (looks(n, 1e-3, monkeypatch)[0][0][1] for n in (4, 24))
     assert rank_margin(many.scaled) < 0.3 * rank_margin(few.scaled)
     assert many.margin == pytest.approx(few.margin, rel=0.2)
+
+
+def angles_of_a_lift(n: int, times: np.ndarray) -> np.ndarray:
+    """Angles of the bars: bar k has its middle at (cos q/2, (k - 1/2)·sin q), two of each."""
+    heights = np.sum((np.arange(n) + 0.5) ** 2)
+
+    def slope(t: float, z: np.ndarray) -> list[float]:
+        sine, cosine = np.sin(z[0]), np.cos(z[0])
+        inertia = 2 * (n / 12 + n / 4 * sine**2 + heights * cosine**2)
+        change = 4 * (n / 4 - heights) * sine * cosine
+        return [z[1], -(9.81 * n**2 * cosine + change * z[1] ** 2 / 2) / inertia]
+
+    return solve_ivp(slope, (0, times[-1]), [0.5, 0], "DOP853", times, rtol=1e-12, atol=1e-12).y[0]
+
+
+@pytest.mark.parametrize(("n", "stop", "singular"), [(7, 1.5, True), (30, 0.2, False)])
+def test_lifts_of_many_stages(n, stop, singular, tmp_path):
+    """Seven stages are flat after 0.7 s and upright after 1.24 s; the highest of thirty moves 30 times as fast."""
+    (tmp_path / "lift.lmo").write_text(LIFT)
+    run = lmoc.compile(tmp_path / "lift.lmo", parameters={"N": n}).simulate(stop=stop, points=31, rtol=1e-8)
+    exact = angles_of_a_lift(n, run.time)
+    assert np.abs(run["hinge.phi"] - exact).max() < 1e-7
+    assert np.abs(run[f"up[{n}].y"] - (n - 1) * np.sin(exact)).max() < 1e-6
+    assert len([note for note in run.notes if note.code == "N0633"]) == singular
+    assert run.stats["steps"] < 100

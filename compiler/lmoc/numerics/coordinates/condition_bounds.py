@@ -23,7 +23,7 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.system import System
 from lmoc.support.records import dataclass
 
-_MOST_ROWS = 8  # of the constraints: beyond, the bound of the smallest singular value is too coarse
+MOST_ROWS = 8  # of the constraints: beyond, the bound of the smallest singular value is too coarse
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ def parts_of(system: System, registers: np.ndarray) -> ConditionParts | None:
     """
     plan = system.plan
     own = plan.reduced.constraints
-    if system.registers is None or own.rows > _MOST_ROWS or not len(own.watched) or own.rows == len(own.variable):
+    if system.registers is None or own.rows > MOST_ROWS or not len(own.watched) or own.rows == len(own.variable):
         return None
     return plan.once(_with_coordinates if len(registers) else _without_coordinates)
 

@@ -21,7 +21,6 @@ from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.matching import maximum_matching
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
-from lmoc.support.sizes import DENSE
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,11 +96,6 @@ class LocalForm:
         own = plan.once(_pattern)
         self._row, self._column, self._blocks = own.row, own.column, own.blocks
         self._matrix = SparseMatrix(plan.reduced.constraints.rows, own.row, own.column)
-
-    @staticmethod
-    def of(plan: Plan) -> LocalForm | None:
-        """Return the blocks of many constraints; None for few, which are seen as a whole."""
-        return LocalForm(plan) if plan.reduced.constraints.rows > DENSE else None
 
     @property
     def sizes(self) -> list[int]:

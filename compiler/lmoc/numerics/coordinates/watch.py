@@ -12,7 +12,7 @@ from lmoc.engine.roots import lowest
 from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.bounds_kernel import NEIGHBOURS, UNEXPLAINED
 from lmoc.numerics.coordinates.change import block_unknowns, with_solutions
-from lmoc.numerics.coordinates.condition_bounds import ConditionBounds, Scales, parts_of
+from lmoc.numerics.coordinates.condition_bounds import MOST_ROWS, ConditionBounds, Scales, parts_of
 from lmoc.numerics.coordinates.constraint_state import ConstraintState
 from lmoc.numerics.coordinates.entries import entries_of
 from lmoc.numerics.coordinates.equilibration import Equilibration
@@ -81,9 +81,10 @@ class CoordinateWatch:
         self._sizes = Equilibration(own.rows, len(own.variable))
         self.accepted: ConstraintState
         self.last: ConstraintState
-        self.lost_rank, self.singular = False, np.inf
+        self.lost_rank, self.singular, self.limit = False, np.inf, 0.0
         self._parts = parts_of(system, self._registers)
-        self._form = LocalForm.of(system.plan)
+        # few are seen as a whole, whose smallest singular value is then a matter of the place, not of their number
+        self._form = LocalForm(system.plan) if own.rows > MOST_ROWS else None
         self._condition: ConditionBounds | None = None
         self._bounds: list[float] | None = None  # of the last look
         self._alert, self._looked_inside = _ALERT, False
@@ -93,8 +94,10 @@ class CoordinateWatch:
         """Compare entries with the sizes that they have had in the segment before, in whatever coordinates that was.
 
         Near a singular place all entries of a coordinate may be small: in the sizes of that place alone they would not
-        show it.
+        show it. Beyond one the choice is still the one made before, and is compared with what it was then.
         """
+        if np.array_equal(self.constraints.variable, before.constraints.variable):
+            self.limit = before.limit
         (rows, own_rows), (columns, own_columns) = (
             np.intersect1d(mine, others, return_indices=True)[1:]
             for mine, others in (
@@ -114,7 +117,7 @@ class CoordinateWatch:
         """Judge the place where the segment begins; its coordinates are compared with what they are there."""
         self.last = place = self._look(t, x)
         worst = place.found.worst(~self.barred)
-        self.limit = _MARGIN * min(max(1.0, worst), _TOLERATED)
+        self.limit = max(self.limit, _MARGIN * min(max(1.0, worst), self._tolerated))
         self._accept(place)
         return Status.COORDINATES if worst > self.limit or self._vanishes(place) else Status.OK
 
@@ -249,6 +252,11 @@ class CoordinateWatch:
         return int(self.constraints.variable[self.constraints.watched[row]])
 
     # ------------------------------------------------------------------ behind it
+
+    @property
+    def _tolerated(self) -> float:
+        """Return the largest entry that counts as good: along a row of n loops the motion of one adds up n times."""
+        return _TOLERATED if self._form is None else max(_TOLERATED, float(len(self._form.sizes)))
 
     def _accept(self, place: ConstraintState) -> None:
         self.accepted = place
