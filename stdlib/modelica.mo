@@ -22,7 +22,62 @@ package Modelica "Elements of Modelica's library that its own text leaves to C, 
         end for;
       end interpolate;
     end Vectors;
+    package Random
+      package Generators
+        package Xorshift64star
+          function random "Draw with xorshift64*"
+            input Integer stateIn[2];
+            output Real result "In (0, 1]";
+            output Integer stateOut[2];
+          algorithm
+            result := __lmoc_random(stateIn);
+            stateOut := __lmoc_random_state(stateIn);
+          end random;
+        end Xorshift64star;
+        package Xorshift128plus
+          function random "Draw with xorshift128+"
+            input Integer stateIn[4];
+            output Real result "In (0, 1]";
+            output Integer stateOut[4];
+          algorithm
+            result := __lmoc_random(stateIn);
+            stateOut := __lmoc_random_state(stateIn);
+          end random;
+        end Xorshift128plus;
+        package Xorshift1024star
+          function random "Draw with xorshift1024*"
+            input Integer stateIn[33];
+            output Real result "In (0, 1]";
+            output Integer stateOut[33];
+          algorithm
+            result := __lmoc_random(stateIn);
+            stateOut := __lmoc_random_state(stateIn);
+          end random;
+        end Xorshift1024star;
+      end Generators;
+      package Utilities
+        function automaticGlobalSeed "The same in each run: what a model gives does not depend on the clock"
+          output Integer seed = 1;
+        algorithm
+        end automaticGlobalSeed;
+        function initializeImpureRandom "Only the name of the generator, which is not available"
+          input Integer seed;
+          output Integer id = 715827883;
+        algorithm
+        end initializeImpureRandom;
+      end Utilities;
+    end Random;
   end Math;
+  package Utilities
+    package Strings
+      function hashString "A whole number for a text"
+        input String string;
+        output Integer hash;
+      algorithm
+        hash := __lmoc_hash(string);
+      end hashString;
+    end Strings;
+  end Utilities;
   package Blocks
     package Sources
       block CombiTimeTable "Tables over time: lines or steps between their points"

@@ -184,6 +184,29 @@ def _remainder(x: float, y: float) -> float:
     return x - _quotient(x, y) * y
 
 
+def _word(x: float) -> int:
+    return int(math.floor(x)) & 0xFFFFFFFF
+
+
+def _exclusive_or(x: float, y: float) -> float:
+    return float(_word(x) ^ _word(y)) if math.isfinite(x) and math.isfinite(y) else math.nan
+
+
+def _numpy_exclusive_or(np: Any, x: Any, y: Any) -> Any:
+    finite = np.isfinite(x) & np.isfinite(y)
+    words = [np.mod(np.floor(np.where(finite, z, 0.0)), 2.0**32).astype(np.uint64) for z in (x, y)]
+    return np.where(finite, (words[0] ^ words[1]).astype(float), np.nan)
+
+
+def _bits_apart(floor: Callable[[Any], Any], x: Any, y: Any) -> Any:
+    """The exclusive or where there is none of words: from bit to bit."""
+    found = 0 * (x + y)  # no number where one of them is none
+    for k in range(32):
+        bits = [floor(z / 2.0**k) - 2 * floor(z / 2.0 ** (k + 1)) for z in (x, y)]
+        found = found + 2**k * (bits[0] + bits[1] - 2 * bits[0] * bits[1])
+    return found
+
+
 def _numpy_quotient(np: Any, x: Any, y: Any) -> Any:
     return np.trunc(np.divide(x, y))  # two plain numbers too: x / 0 is infinite, not an exception
 
@@ -291,6 +314,10 @@ _ENTRIES = (
              lambda sp, a, b: a - b * _sympy_quotient(sp, a, b), UnitRule.COMMON, Kind.KINKED, divides=True),
     Function("div_integer", 2, _quotient, (), _numpy_quotient, _casadi_quotient, "lmoc_quotient({0}, {1})",
              _sympy_quotient, UnitRule.UNKNOWN, Kind.KINKED, divides=True, spelling="div"),
+    # bit by bit of what is whole in them, modulo 2^32: generators of random numbers are made of it
+    Function("xor", 2, _exclusive_or, (), _numpy_exclusive_or, lambda ca, x, y: _bits_apart(ca.floor, x, y),
+             "lmoc_xor({0}, {1})", lambda sp, x, y: _bits_apart(sp.floor, x, y), UnitRule.NONE, Kind.OPERATOR,
+             spelling="__lmoc_xor"),
     # relations and logic
     _relation("lt", "<", "less", "Lt", lambda x, y: x < y),
     _relation("le", "<=", "less_equal", "Le", lambda x, y: x <= y),

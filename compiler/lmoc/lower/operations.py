@@ -8,7 +8,7 @@ UNARY = tuple(
     "move neg sqrt sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log log10 abs sign floor ceil "
     "integer not".split()
 )
-BINARY = tuple("add sub mul div pow atan2 min max mod rem div_integer lt le gt ge eq ne and or".split())
+BINARY = tuple("add sub mul div pow atan2 min max mod rem div_integer xor lt le gt ge eq ne and or".split())
 OTHER = tuple(
     "if dot rows gather strided scatter spread products fill linear newton correct ready constant implicit "
     "factor".split()

@@ -46,6 +46,7 @@ from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable, root
 from lmoc.semantics.nodes.overrides import Overrides
 from lmoc.semantics.topology import Topology, expand
 from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
+from lmoc.semantics.values import generators as _generators  # noqa: F401  registers random numbers
 from lmoc.semantics.values import texts as _texts  # noqa: F401  registers String
 from lmoc.semantics.values import variable_subscripts as _names  # noqa: F401  registers that of names
 from lmoc.semantics.values.context import Context

@@ -14,7 +14,10 @@ from lmoc.messages.source import Source
 from lmoc.syntax import tree
 
 # without their packages
-NAMES = frozenset(("interpolate", "TimeTable", "CombiTimeTable", "CombiTable1Ds", "CombiTable1Dv"))
+NAMES = frozenset(
+    ("interpolate", "TimeTable", "CombiTimeTable", "CombiTable1Ds", "CombiTable1Dv",
+     "random", "automaticGlobalSeed", "initializeImpureRandom", "hashString")
+)  # fmt: skip
 
 
 def native(full_name: str) -> tree.Class | None:

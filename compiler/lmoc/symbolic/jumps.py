@@ -14,7 +14,7 @@ from lmoc.messages.diagnostics import Diagnostic, ModelError
 if TYPE_CHECKING:
     import sympy
 
-SWITCHES = frozenset("if sign floor ceil integer mod rem div_integer gt ge lt le eq ne".split())
+SWITCHES = frozenset("if sign floor ceil integer mod rem div_integer xor gt ge lt le eq ne".split())
 _NEAR = 1e-9  # of the size of a coordinate, and of 1: what changes on a way so short, and on a shorter one, jumps
 _SHORTER = 1e-2
 _JUMP = 1e-9  # of the size of the rates, which rounding does not reach

@@ -19,6 +19,11 @@ static inline double lmoc_max(double x, double y) { return x > y || x != x ? x :
 static inline double lmoc_sign(double x) { return x != x ? x : (x > 0) - (x < 0); }
 static inline double lmoc_mod(double x, double y) { return x - floor(x / y) * y; }
 static inline double lmoc_quotient(double x, double y) { return trunc(x / y); }
+static inline double lmoc_word(double x) { return floor(x) - floor(floor(x) / 4294967296.0) * 4294967296.0; }
+static inline double lmoc_xor(double x, double y) {
+  double a = lmoc_word(x), b = lmoc_word(y);
+  return a == a && b == b ? (double)((uint32_t)a ^ (uint32_t)b) : a + b;
+}
 static inline double lmoc_rem(double x, double y) { return x - trunc(x / y) * y; }
 
 #define LMOC_UNARY(X) \
@@ -29,7 +34,7 @@ static inline double lmoc_rem(double x, double y) { return x - trunc(x / y) * y;
 #define LMOC_BINARY(X) \
   X(add, x + y) X(sub, x - y) X(mul, x * y) X(div, x / y) X(pow, pow(x, y)) X(atan2, atan2(x, y)) \
   X(min, lmoc_min(x, y)) X(max, lmoc_max(x, y)) X(mod, lmoc_mod(x, y)) X(rem, lmoc_rem(x, y)) \
-  X(div_integer, lmoc_quotient(x, y)) X(lt, x < y) X(le, x <= y) X(gt, x > y) X(ge, x >= y) X(eq, x == y) \
+  X(div_integer, lmoc_quotient(x, y)) X(xor, lmoc_xor(x, y)) X(lt, x < y) X(le, x <= y) X(gt, x > y) X(ge, x >= y) X(eq, x == y) \
   X(ne, x != y) X(and, x && y) X(or, x || y)
 #define LMOC_OTHER(X) \
   X(if) X(dot) X(rows) X(gather) X(strided) X(scatter) X(spread) X(products) X(fill) X(linear) X(newton) X(correct) \

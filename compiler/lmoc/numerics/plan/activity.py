@@ -29,7 +29,7 @@ _SHORT = 1.5  # … and where the densest miss it: less than a method's stages a
 _AROUND = 4  # points to either side of one that was missed where the bound holds
 _REGIONS = 500  # regions with bounds of their own
 _STEADY = frozenset("add sub mul neg abs min max".split())  # of functions without short pulses have none either
-_LEVELS = frozenset("lt le gt ge eq ne and or not sign floor ceil integer mod rem div_integer".split())
+_LEVELS = frozenset("lt le gt ge eq ne and or not sign floor ceil integer mod rem div_integer xor".split())
 
 
 @dataclass(frozen=True, eq=False)

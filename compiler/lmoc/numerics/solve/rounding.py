@@ -18,7 +18,7 @@ from lmoc.numerics.limits import HALF_ULP
 from lmoc.numerics.solve.interpreter import Interpreter, segment_sums
 
 _EXACT = {"neg", "abs", "if", "event", "min", "max"}  # they round nothing themselves
-_DECIDED = {*RELATIONS, "and", "or", "not", "sign", "floor", "ceil", "integer", "div_integer"}  # values that jump
+_DECIDED = {*RELATIONS, *"and or not sign floor ceil integer div_integer xor".split()}  # values that jump
 _WHOLE = {"mod", "rem"}  # x − n·y: a jump of n is none of rounding
 
 

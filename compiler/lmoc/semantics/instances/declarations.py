@@ -64,9 +64,10 @@ def settle_from_start(model: Elaboration, variables: list[Variable]) -> None:
     while changed:
         changed = False
         for variable in variables:
-            if variable.kind == Kind.PARAMETER and variable.type.name == "Real" and variable.value is not None:
+            if variable.kind == Kind.PARAMETER and variable.type.name != "String" and variable.value is not None:
                 if variable.value.scope is not None and _changes(model, variable.value):
-                    variable.kind, variable.from_start, changed = Kind.UNKNOWN, True, True
+                    variable.kind = Kind.UNKNOWN if variable.type.name == "Real" else Kind.DISCRETE
+                    variable.from_start = changed = True
 
 
 def settle_explicit(drafts: Drafts) -> None:

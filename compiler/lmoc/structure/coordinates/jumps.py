@@ -13,7 +13,7 @@ from lmoc.expression.dag import Expr, nodes_outside_events, slots
 from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN, Kinds
 
-_STEPS = frozenset(("sign", "floor", "ceil", "integer", "mod", "rem", "div_integer"))
+_STEPS = frozenset(("sign", "floor", "ceil", "integer", "mod", "rem", "div_integer", "xor"))
 
 
 def deciding(shape: Expr, kinds: Kinds) -> Iterator[Expr]:
