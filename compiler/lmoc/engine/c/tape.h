@@ -34,8 +34,8 @@ static inline double lmoc_rem(double x, double y) { return x - trunc(x / y) * y;
 #define LMOC_BINARY(X) \
   X(add, x + y) X(sub, x - y) X(mul, x * y) X(div, x / y) X(pow, pow(x, y)) X(atan2, atan2(x, y)) \
   X(min, lmoc_min(x, y)) X(max, lmoc_max(x, y)) X(mod, lmoc_mod(x, y)) X(rem, lmoc_rem(x, y)) \
-  X(div_integer, lmoc_quotient(x, y)) X(xor, lmoc_xor(x, y)) X(lt, x < y) X(le, x <= y) X(gt, x > y) X(ge, x >= y) X(eq, x == y) \
-  X(ne, x != y) X(and, x && y) X(or, x || y)
+  X(div_integer, lmoc_quotient(x, y)) X(xor, lmoc_xor(x, y)) X(lt, x < y) X(le, x <= y) X(gt, x > y) \
+  X(ge, x >= y) X(eq, x == y) X(ne, x != y) X(and, x && y) X(or, x || y)
 #define LMOC_OTHER(X) \
   X(if) X(dot) X(rows) X(gather) X(strided) X(scatter) X(spread) X(products) X(fill) X(linear) X(newton) X(correct) \
   X(ready) X(constant) X(implicit) X(factor)
