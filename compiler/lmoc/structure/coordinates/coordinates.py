@@ -92,7 +92,9 @@ def determined_at_start(tied: Tied, c: np.ndarray, d: np.ndarray, choice: Choice
         rest = part.take(~alone)
         size = largest_in_row(rest.row, np.abs(rest.at_start))
         among = rest.take(np.isin(rest.column, columns))  # the others only tell the sizes: they would fill the rows
-        if len(_pivots(among, among.at_start, [(columns, VANISHING)], size)) < np.count_nonzero(shared):
+        count = np.bincount(among.column, minlength=len(d))[columns]
+        sparsest = columns[np.argsort(count, kind="stable")]  # first, which fills least
+        if len(_pivots(among, among.at_start, [(sparsest, VANISHING)], size)) < np.count_nonzero(shared):
             return False
     return True
 
