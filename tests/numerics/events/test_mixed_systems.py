@@ -44,6 +44,25 @@ def test_a_friction_machine_starts_where_the_load_exceeds_its_limit() -> None:
     assert np.abs(run["v"][~moving]).max() < 1e-9
 
 
+@pytest.mark.parametrize(("inertia", "peak"), [(2.0, 1.1), (0.5, 1.1), (2.0, 1 + 1e-4)])
+def test_a_friction_starts_to_slide_against_less_than_what_has_held_it(inertia: float, peak: float) -> None:
+    """Of a heavy wheel: held, it would start; started, sa = f0 + der(v) stays below the peak, so that it would be held.
+
+    No values agree with `pre(start)` as it is before the event: once the wheel has begun to slide, some do.
+    """
+    run = lmoc.compile_text(
+        f"""model M Real v(start = 0, fixed = true), sa, f; parameter Real m = {inertia}, f0 = 1, peak = {peak};
+          Boolean start(start = false, fixed = true), locked(start = false), stuck(start = true, fixed = true);
+        equation start = pre(stuck) and (sa > peak or pre(start) and sa > f0);
+          locked = pre(stuck) and not start; stuck = locked or v <= 0;
+          der(v) = if locked then 0 else sa - f0; f = if locked then sa else f0; m*der(v) = 2*time - f; end M;"""
+    ).simulate(times=[0, 0.5, 0.8, 1.0])
+    (starts,) = [e.time for e in run.events if e.name == "locked"]
+    assert starts == pytest.approx(peak / 2, abs=1e-9)
+    speed = np.where(run.time > starts, (run.time**2 - run.time - (starts**2 - starts)) / inertia, 0.0)
+    assert run["v"] == pytest.approx(speed, abs=1e-7)
+
+
 def test_a_relation_does_not_react_to_rounding() -> None:
     """0.1 + 0.2 - 0.3 is 5.6e-17, and no motion; a hundred times as much is one."""
     text = """model M Real a(start = 0.1, fixed = true), b(start = 0.2, fixed = true), c(start = {}, fixed = true);

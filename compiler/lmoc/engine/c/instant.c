@@ -113,12 +113,27 @@ static void note(lmoc_instant *e) {
   }
 }
 
-int lmoc_event(lmoc_instant *e, double *x) {
-  e->found_count = e->jumped = 0;
+/* Where no values agree: those that the values before lead to, once, are the next ones to begin with. A friction that
+   starts to slide against less than what has held it, and so stays stuck: it slides once it has begun to. */
+static int go_on(lmoc_instant *e, const double *x) {
+  const double *begun = in_history(e, LMOC_BEGUN);
+  for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = begun[i];
+  return lmoc_turn(e, x) < 0 ? LMOC_NO_VALUE : LMOC_SETTLED;
+}
+
+static int event(lmoc_instant *e, double *x) {
+  int agreed = 1;
   for (int round = 0; round < LMOC_ROUNDS; round++) {
     int some = 0, changed = 0, found;
     if (round) lmoc_remember(e);
-    if ((found = lmoc_solve_instant(e, x))) return found;
+    found = lmoc_solve_instant(e, x);
+    if (found == LMOC_UNSETTLED && agreed) {
+      agreed = 0;
+      if ((found = go_on(e, x))) return found;
+      continue;
+    }
+    if (found) return found;
+    agreed = 1;
     note(e);
     if ((found = lmoc_reinit(e, x, &some))) return found;
     for (int64_t i = 0; i < e->samples; i++) e->v[e->sample[i]] = 0;
@@ -130,6 +145,13 @@ int lmoc_event(lmoc_instant *e, double *x) {
     if ((found = lmoc_take(e, e->time, x))) return found;
   }
   return LMOC_UNSETTLED;
+}
+
+int lmoc_event(lmoc_instant *e, double *x) {
+  e->found_count = e->jumped = 0;
+  const int found = event(e, x);
+  for (int64_t k = 0; k < e->zeros; k++) e->crossed[k] = 0;
+  return found;
 }
 
 /* ------------------------------------------------------------------ the clock */

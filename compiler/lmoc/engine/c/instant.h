@@ -32,6 +32,7 @@ typedef struct lmoc_instant {
   double *v, *line;
   double *zero, *margin, *largest, *high;  /* (zeros,) values as last looked at; how far a function that has just crossed
                                               zero may come back by rounding; largest values and heights since */
+  double *crossed;                         /* (zeros,) 1 + the value of the relation behind it, where that is the event */
   double *bound, *way, *known;             /* (zeros,) rounding; (states,) and (bounded,) with which it has been found */
   double *supposed, *early;                /* (relations,) whose values are being tried; that are as right before */
   double *changed, *flipped;               /* (discrete,) in the last turn; in any of them */

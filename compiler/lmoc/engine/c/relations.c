@@ -12,11 +12,13 @@ double lmoc_height(const lmoc_instant *e, int64_t zero, double value) {
 
 double lmoc_decide(int op, double zero) { return op == LMOC_FLOOR ? floor(zero) : op == LMOC_GT ? zero > 0 : zero >= 0; }
 
-/* The value that a zero function asks for, from where it is now: within the margin of a crossing it stays. */
+/* The value that a zero function asks for, from where it is now: within the margin of a crossing it stays, and at the
+   event that its crossing is it has the value behind it. */
 static double decided(const lmoc_instant *e, int64_t zero, double now) {
   const int op = e->op[e->of_zero[zero]];
   const double value = e->zero[zero], beside = op == LMOC_FLOOR ? lmoc_max(now - value, value - now - 1) : fabs(value);
-  return beside < e->margin[zero] ? now : lmoc_decide(op, value);
+  const double kept = e->crossed[zero] != 0 ? e->crossed[zero] - 1 : now;
+  return beside < e->margin[zero] ? kept : lmoc_decide(op, value);
 }
 
 /* A relation of time as it is right behind the present time, or before it; at the start as it is written. */
@@ -91,7 +93,9 @@ void lmoc_follow(lmoc_instant *e, int64_t count, const double *zero, double *out
 void lmoc_turn_early(lmoc_instant *e, const double *which) {
   for (int64_t k = 0; k < e->zeros; k++) {
     double *now = e->v + e->target[e->of_zero[k]];
-    if (which[k] == 0 || decided(e, k, *now) != *now) continue;
+    const int turned = decided(e, k, *now) != *now;
+    if (which[k] != 0 && !lmoc_rounded(e, k)) e->crossed[k] = 2 - *now;
+    if (which[k] == 0 || turned) continue;
     *now = lmoc_rounded(e, k) ? *now + (which[k] == 2 ? 1 : -1) : 1 - *now;
     e->margin[k] = fmax(e->margin[k], fmax(2 * lmoc_height(e, k, e->zero[k]), ROUNDING * e->largest[k]));
   }

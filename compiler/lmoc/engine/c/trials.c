@@ -15,7 +15,8 @@ enum {
 
 /* Whether relations have the values that are being tried, behind all that follows from these. Where both sides are equal,
    either will do: a friction that holds no more than its limit slides and does not move, two of them on one shaft at
-   rest. It stays as it has been taken, also where it is exactly zero. */
+   rest. It stays as it has been taken, also where it is exactly zero; but one whose crossing is the event does not come
+   back to where it would cross again. */
 static int agrees(lmoc_instant *e, const double *x, int64_t count, const int64_t *zeros) {
   int64_t changed = 1;
   double largest = 1;
@@ -26,6 +27,7 @@ static int agrees(lmoc_instant *e, const double *x, int64_t count, const int64_t
     for (int64_t i = 0; i < count; i++) {
       const int64_t k = zeros[i], r = e->of_zero[k];
       if ((lmoc_decide(e->op[r], e->zero[k]) != 0) == (e->v[e->target[r]] > 0)) continue;
+      if (e->crossed[k] != 0 && lmoc_differ(e->crossed[k] - 1, e->v[e->target[r]])) return 0;
       if (e->bounds && !widen && lmoc_rounding(e, e->time, x)) return 0;
       const double allowed = fmax(e->margin[k], e->bounds ? NOISES * e->bound[k] : EQUAL * largest);
       if (!(fabs(e->zero[k]) <= allowed)) return 0;

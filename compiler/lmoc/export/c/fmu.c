@@ -46,6 +46,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(e.margin, i->zeros);
   TAKE(e.largest, i->zeros);
   TAKE(e.high, i->zeros);
+  TAKE(e.crossed, i->zeros);
   TAKE(e.early, i->relations);
   TAKE(hops.times, i->zeros * LMOC_CHATTER);
   TAKE(hops.home, i->zeros);
