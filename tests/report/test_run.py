@@ -103,12 +103,25 @@ def test_tables_as_files(run, tmp_path):
         assert np.array_equal(npz["spring.f"], run["spring.f"])
         assert np.array_equal(npz["time"], run.time)
 
+
+def trajectory(path):
+    """A result as the viewers of Dymola and OpenModelica read it: texts in columns, variables in rows of two tables."""
     from scipy.io import loadmat
 
-    run.save(tmp_path / "run.mat", names)
-    mat = loadmat(tmp_path / "run.mat", squeeze_me=True)
-    assert list(mat["names"]) == ["time", "x", "spring.f"]
-    assert np.array_equal(mat["data"][:, 2], run["spring.f"])
+    mat = loadmat(path, chars_as_strings=False)
+    assert ["".join(row).strip() for row in mat["Aclass"]] == ["Atrajectory", "1.1", "", "binTrans"]
+    names, texts = (["".join(column).strip() for column in mat[key].T] for key in ("name", "description"))
+    rows = {n: mat[f"data_{table or 2}"][row - 1] for n, (table, row, *_) in zip(names, mat["dataInfo"].T, strict=True)}
+    assert np.array_equal(mat["data_1"][0], rows["time"][[0, -1]])
+    return rows, dict(zip(names, texts, strict=True))
+
+
+def test_mat_is_what_dymola_and_openmodelica_write(run, tmp_path):
+    names = ["x", "spring.f", "spring.k"]
+    rows, texts = trajectory(run.save(tmp_path / "run.mat", names))
+    assert list(rows) == ["time", *names] and np.array_equal(rows["time"], run.time)
+    assert np.array_equal(rows["spring.f"], run["spring.f"]) and rows["spring.k"].tolist() == [8, 8]
+    assert texts["time"] == "Time [s]" and texts["spring.f"].endswith("[N]")
 
 
 def test_parquet_is_written_or_the_missing_package_named(run, tmp_path):
@@ -160,9 +173,7 @@ def test_names_of_arrays_are_put_together():
 
 
 def test_a_run_keeps_only_what_is_asked_for() -> None:
-    dae = lmoc.compile_text(
-        "model M parameter Integer N = 4; Mass m[N](each m = 1, v(each start = 1)); end M;"
-    )
+    dae = lmoc.compile_text("model M parameter Integer N = 4; Mass m[N](each m = 1, v(each start = 1)); end M;")
     run = dae.simulate(stop=1, points=3, keep=["m[2].q"])
     assert run["m[2].q"] == pytest.approx([0, 0.5, 1])
     assert list(run.columns()) == ["time", *run.final] == ["time", "m[2].q"]
@@ -233,9 +244,12 @@ def test_the_power_of_electrical_ports_is_current_times_voltage():
 
 
 def test_a_scene_in_which_nothing_states_its_energy_has_an_empty_ledger():
-    run = lmoc.compile_text(ELECTRICAL + """
+    run = lmoc.compile_text(
+        ELECTRICAL
+        + """
         model M El.Source s(u = 5); El.Resistor r(R = 2); El.Coil l(L = 0.1); El.Ground g;
-        equation connect(s.p, r.p); connect(r.n, l.p); connect(l.n, s.n); connect(g.p, s.n); end M;""").simulate(stop=1)
+        equation connect(s.p, r.p); connect(r.n, l.p); connect(l.n, s.n); connect(g.p, s.n); end M;"""
+    ).simulate(stop=1)
     assert run["l.i"] == pytest.approx(2.5 * (1 - np.exp(-20 * run.time)), abs=1e-5)
     assert run["r.power"] == pytest.approx(-2 * run["l.i"] ** 2, abs=1e-9)
     assert run.energy.balance == 0
@@ -319,11 +333,7 @@ def test_every_name_can_be_saved(tmp_path, ending):
         with np.load(path) as kept:
             found = {name: kept[name] for name in kept.files}
     elif ending == ".mat":
-        from scipy.io import loadmat
-
-        kept = loadmat(path)
-        labels = [str(name[0]) for name in kept["names"].ravel()]
-        found = dict(zip(labels, kept["data"].T, strict=True))
+        found = trajectory(path)[0]
     else:
         import pandas
 

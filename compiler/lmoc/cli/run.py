@@ -92,13 +92,13 @@ def _study(arguments: argparse.Namespace, values: Mapping[str, tuple[float, ...]
 def _check_choices(arguments: argparse.Namespace) -> None:
     """Refuse what cannot work before time is spent."""
     from lmoc.report.display import display
-    from lmoc.report.files import FORMATS, check_target
+    from lmoc.report.files import ENDINGS, check_target
 
     display(arguments.units)
 
     check_formulation(arguments)
     if arguments.output is not None:
-        check_target(arguments.output, tuple(FORMATS))
+        check_target(arguments.output, ENDINGS)
     _check_pictures(arguments)
 
 

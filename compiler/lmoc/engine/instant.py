@@ -29,9 +29,9 @@ TABLES = (
     "filled", "first_used", "used",
 )  # fmt: skip
 _NUMBERS = {
-    "zero": "zeros", "margin": "zeros", "largest": "zeros", "high": "zeros", "crossed": "zeros", "bound": "zeros", "way": "states",
-    "known": "bounded", "supposed": "relations", "early": "relations", "changed": "discrete", "flipped": "discrete",
-    "moved": "states",
+    "zero": "zeros", "margin": "zeros", "largest": "zeros", "high": "zeros", "crossed": "zeros", "bound": "zeros",
+    "way": "states", "known": "bounded", "supposed": "relations", "early": "relations", "changed": "discrete",
+    "flipped": "discrete", "moved": "states",
 }  # fmt: skip
 _HOOKS = ("look", "widen", "bounds", "others", "regular")
 

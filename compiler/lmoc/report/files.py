@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.report.trajectory_file import write_trajectory
 from lmoc.support.replacing import replace_file
 
 if TYPE_CHECKING:
@@ -45,22 +46,28 @@ def _parquet(path: Path, columns: Columns) -> None:
     pandas.DataFrame(columns).to_parquet(path)
 
 
-def _mat(path: Path, columns: Columns) -> None:
-    """MATLAB variables: `names` (cell array) and `data` (times, names), since a dotted name is no MATLAB identifier."""
-    from scipy.io import savemat
-
-    savemat(path, {"names": np.array(list(columns), object), "data": np.column_stack(list(columns.values()))})
-
-
-FORMATS: dict[str, Callable[[Path, Columns], None]] = {".csv": _csv, ".npz": _npz, ".parquet": _parquet, ".mat": _mat}
+FORMATS: dict[str, Callable[[Path, Columns], None]] = {".csv": _csv, ".npz": _npz, ".parquet": _parquet}
+ENDINGS = (*FORMATS, ".mat")
 PICTURES = (".png", ".svg", ".pdf")
 
 
 def save(run: Result, path: Path, names: Sequence[str] | None = None) -> Path:
     """Write the columns of a run; the ending of the name says how. Errors as `Run.save`."""
-    check_target(path, tuple(FORMATS))
-    write, columns = FORMATS[path.suffix.lower()], run.columns(names)
-    return written(path, lambda target: write(target, columns))
+    check_target(path, ENDINGS)
+    columns, ending = run.columns(names), path.suffix.lower()
+    if ending == ".mat":
+        texts = {name: _described(run, name) for name in columns}
+        return written(path, lambda target: write_trajectory(target, columns, texts))
+    return written(path, lambda target: FORMATS[ending](target, columns))
+
+
+def _described(run: Result, name: str) -> str:
+    """What a variable is, with its unit, as the programs that read such files expect it."""
+    if name == "time":
+        return "Time [s]"
+    about = run.about(name)
+    unit = about.get("units", "")
+    return " ".join(filter(None, (about.get("long_name", ""), f"[{unit}]" if unit else "")))
 
 
 def written(path: Path, write: Callable[[Path], object]) -> Path:

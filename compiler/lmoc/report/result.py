@@ -262,10 +262,10 @@ class Result:
 
         columns = self.columns(names)
         time = ("time", columns.pop("time"), {"units": "s"})
-        data = {name: ("time", values, self._attributes(name)) for name, values in columns.items()}
+        data = {name: ("time", values, self.about(name)) for name, values in columns.items()}
         return xarray.Dataset(data, {"time": time}, {"model": self.flat.name, "title": self.flat.description})
 
-    def _attributes(self, name: str) -> dict[str, str]:
+    def about(self, name: str) -> dict[str, str]:
         """Unit and description of a variable, as xarray and its plots name them."""
         found = self.flat.find(name)
         if found is None:

@@ -156,7 +156,7 @@ class _Section(Algorithm):
     def _start(self, variable: Variable, span: Span) -> float:
         binding = variable.attributes.get("start")
         if binding is None:
-            return 0.0
+            return 1.0 if getattr(variable.type, "literals", ()) else 0.0
         value = self.context.model.known.binding(binding)[1]
         if value.dims or not value.expr.is_const:
             return float("nan")  # where it is used, the variable has no value

@@ -136,7 +136,8 @@ SEMANTICS: dict[str, Entry] = {
     "W0229": Entry(
         "an assertion in a function",
         "An assertion in a function is checked where its condition is known when compiling. Where it depends on\n"
-        "variables or parameters it is ignored: write it in the model that calls the function.",
+        "variables or parameters it is ignored: write it in the model that calls the function. One of the level\n"
+        "`AssertionLevel.warning` that does not hold is told.",
     ),
     "E0230": Entry(
         "not available yet",

@@ -34,6 +34,9 @@ def declare(model: Elaboration, drafts: Drafts, variable: Variable) -> None:
         model.report.error("E0212", f"the constant '{variable.label}' has no value", variable.name_span)
     if variable.from_start and variable.value is None and variable.kind == Kind.UNKNOWN:
         drafts.groups.append(_constant(variable))
+    if getattr(variable.type, "literals", ()) and variable.kind > Kind.PARAMETER and "start" not in variable.attributes:
+        target = positions(variable.total).reshape(-1) if variable.total else 0
+        drafts.starts.append(AssignmentDraft(variable, target, dag.ONE, (), None, True, inf))  # the first one (4.9.5)
     for name, binding in variable.attributes.items():
         _guarded(model, lambda name=name, binding=binding: _attribute(model, drafts, variable, name, binding))
 

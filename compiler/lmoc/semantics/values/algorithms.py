@@ -7,7 +7,7 @@ variable that its branches assign.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -142,7 +142,7 @@ class Algorithm:
 
     def _assert(self, s: tree.CallStatement) -> None:
         """Looked at here where the condition is known; what changes while it runs is not."""
-        given = dict(zip(("condition", "message"), s.call.arguments)) | dict(s.call.named)
+        given = dict(zip(("condition", "message", "level"), s.call.arguments)) | dict(s.call.named)
         if "condition" not in given or "message" not in given:
             raise Wrong("E0217", "'assert' needs a condition and a message", s.span)
         condition, message = (self.context.value(given[name]) for name in ("condition", "message"))
@@ -151,9 +151,17 @@ class Algorithm:
         if not condition.expr.is_const:
             self.context.model.say_once("W0229", "this assertion is not checked while it runs", s.span,
                                         hint="write it in the model that calls the function")  # fmt: skip
+        elif not condition.expr.value and self._is_warning(given):
+            self.context.model.say_once("W0229", message.text, s.span, hint=f"told of a call of '{self.function.name}'")
         elif not condition.expr.value:
             raise Wrong("E0222", f"'{self.function.name}' does not take this: {message.text}", self.call.span,
                         labels=(Label(s.span, "this assertion does not hold"),))  # fmt: skip
+
+    def _is_warning(self, given: Mapping[str, tree.Expression]) -> bool:
+        if "level" not in given:
+            return False
+        value = self.context.value(given["level"])
+        return self.context.scalar(value, given["level"].span, "the level") != 1
 
     def _assign(self, s: tree.Assignment) -> None:
         if isinstance(s.target, tree.Ref):

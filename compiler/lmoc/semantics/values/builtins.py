@@ -206,6 +206,8 @@ def _quietly(context: Context, make: Callable[[], Value]) -> Value:
 def _der(context: Context, call: tree.Call) -> Value:
     (x,) = arguments(context, call, 1)
     need_number(x, call.span)
+    if context.node is None:
+        raise Wrong("E0301", "'der' is not allowed in a function", call.span)
     return derivative(context, x, call)
 
 
@@ -281,7 +283,10 @@ def _scalar(context: Context, call: tree.Call) -> Value:
 
 @builtin("vector")
 def _vector(context: Context, call: tree.Call) -> Value:
+    """The elements of an array that is longer than 1 in one direction at most (10.3.2)."""
     (x,) = arguments(context, call, 1)
+    if sum(n > 1 for n in x.dims) > 1:
+        raise sizes_differ("the argument of 'vector'", (prod(x.dims), 1), x.dims, call.span)
     return x if len(x.dims) == 1 else stack(context.arrays.scalars(x))
 
 
