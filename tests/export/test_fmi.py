@@ -282,7 +282,7 @@ def test_without_a_compiler_there_are_sources(monkeypatch, tmp_path, capsys) -> 
 
 @pytest.mark.parametrize(
     ("name", "why"),
-    [("notes/ex08_slack_cable", "laws that switch"), ("hard/h01_cartesian_pendulum", "coordinates")],
+    [("hard/h01_cartesian_pendulum", "coordinates")],
 )
 def test_what_cannot_be_exported_is_refused_by_name(name: str, why: str, tmp_path) -> None:
     with pytest.raises(lmoc.ModelError) as caught:

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 
-def instance(path, kind="CoSimulation"):
+def instance(path, kind="CoSimulation", **more):
     """An instance that has been set up but not initialized; and value references by name."""
     import fmpy
 
     description = fmpy.read_model_description(str(path))
     folder = fmpy.extract(str(path))
-    made = fmpy.instantiate_fmu(folder, description, fmi_type=kind)
+    made = fmpy.instantiate_fmu(folder, description, fmi_type=kind, **more)
     return made, {v.name: v.valueReference for v in description.modelVariables}
 
 

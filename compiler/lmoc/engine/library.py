@@ -82,6 +82,7 @@ _FUNCTIONS = {
     "lmoc_law_start": (_INT, [_POINTER, _REAL, _POINTER]),
     "lmoc_law_happen": (_INT, [_POINTER, _REAL, *[_POINTER] * 2, _INT]),
     "lmoc_law_go_on": (_INT, [_POINTER, _REAL, _POINTER, _INT]),
+    "lmoc_law_settle": (_INT, [*[_POINTER] * 2, _REAL, *[_POINTER] * 2]),
     "lmoc_law_look": (_INT, [_POINTER, _REAL, _POINTER]),
     "lmoc_law_parts": (_INT, [_POINTER, _REAL, *[_POINTER] * 2]),
     "lmoc_law_strike": (_INT, [_POINTER, _REAL, *[_POINTER] * 2]),

@@ -101,6 +101,24 @@ def _events(w: _Writer, own: Executable) -> str:
     return "{" + ", ".join(parts) + "}"
 
 
+def _laws(w: _Writer, own: Executable) -> str:
+    """Write the laws of a scene; return the initializer of ``fmu_laws``, all zero without any."""
+    laws, states, count = own.laws, len(own.plan.states), own.plan.count
+    if laws is None:
+        empty = Tape(0, 0, (np.zeros(0), np.zeros(0)), 0, np.zeros(1, int), np.zeros(0, int), (), np.zeros(0, int))
+        return f"{{.by_force = {w.tape(empty, True)}, .by_state = {w.tape(empty, True)}}}"
+    t = laws.table
+    numbers = [w.ints(v, "int64_t") for v in (t.degree, t.normal)]
+    flags = [w.ints(v, "lmoc_flag") for v in (t.complementary, t.dry, t.contact)]
+    form = f"{{{len(t.kind)}, {', '.join(numbers + flags)}}}"
+    masks = t.unilateral, laws.curved, laws.linear, laws.position, np.zeros(states, bool)
+    tapes = [w.tape(tape, True) for tape in (laws.by_force, laws.by_state)]
+    places = [np.where(v < 0, -1, v + count) for v in (laws.known, laws.restitution)]
+    tables = (laws.given, *laws.entries, laws.quantity, *places, laws.inputs, laws.held, laws.read)
+    parts = [form, *(w.ints(m, "lmoc_flag") for m in masks), *tapes, str(len(laws.given)), *map(w.ints, tables)]
+    return "{" + ", ".join([*parts, w.reals(laws.noise), *map(w.texts, laws.texts)]) + "}"
+
+
 def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
     """Return the text in C, and the token that stands for it.
 
@@ -124,7 +142,8 @@ def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
         plan.count, len(own.variables), len(plan.states), len(own.inputs), len(own.parameters), len(own.given),
         len(own.kept), len(own.unknowns), len(own.breaks), len(own.outputs), int(own.branches),
     ]  # fmt: skip
-    body = ",\n".join([", ".join(map(str, counts)), *tapes, ", ".join(tables), f"{{{rules}}}", _events(w, own)])
+    parts = [", ".join(map(str, counts)), *tapes, ", ".join(tables), f"{{{rules}}}", _events(w, own), _laws(w, own)]
+    body = ",\n".join(parts)
     start, stop = float(own.run.time[0]), float(own.run.trajectory.planned)
     ends = f"{_real(start)}, {_real(stop - start)}, {_real(tolerance)}"
     arrays = "\n".join(w.lines)

@@ -14,6 +14,8 @@ TYPES = ("me", "cs")
 _TIME = "time"
 _TYPES = (("Float64", "Real"), ("Int32", "Integer"), ("Boolean", "Boolean"))  # by `Type`, in 3.0 and 2.0
 
+_CATEGORIES = ("logEvents", "logStatusWarning", "logStatusError")
+
 
 def model_description(
     own: Executable, fmi: int, types: tuple[str, ...], identifier: str, token: str, sources: list[str], tolerance: float
@@ -37,9 +39,12 @@ def model_description(
     if own.dae.flat.description:
         root.set("description", own.dae.flat.description)
     if fmi == 2:
-        root.set("numberOfEventIndicators", str(len(own.events.indicator_texts)))
+        root.set("numberOfEventIndicators", str(sum(v.place == Place.INDICATOR for v in own.variables)))
     _kinds(root, fmi, types, identifier, sources)
     _units(root, fmi, own.variables)
+    categories = Xml.SubElement(root, "LogCategories")
+    for name in _CATEGORIES:
+        Xml.SubElement(categories, "Category", {"name": name})
     _experiment(root, own, tolerance)
     (_variables_of_3 if fmi == 3 else _variables_of_2)(root, own)
     _structure(root, own, fmi)

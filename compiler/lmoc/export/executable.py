@@ -7,15 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.export.instants import Instants, instants
+from lmoc.export.laws import LawTables, law_tables, why_not
 from lmoc.export.variables import Variable, listed
 from lmoc.expression.dag import ONE, depends_on_time, slot
 from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.law import NONE
 from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
+from lmoc.ir.reduced import Reduced
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.numerics.evaluate.engine_system import has_branches
 from lmoc.numerics.events.discrete_state import initial_values
+from lmoc.numerics.laws.switching import all_open
 from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.plan import kinks
@@ -57,6 +61,7 @@ class Executable:
     rows, columns : (entries,) of `slopes`
     branches : nonlinear blocks are closures of loops
     events : Instants
+    laws : LawTables; None where there are none
     variables : in the order of their value references, from 1 on
     zero_inputs : {name: 0} of inputs that the model leaves open
     held : names of parameters that cannot be set, since structure or start depend on them
@@ -87,6 +92,7 @@ class Executable:
     columns: np.ndarray
     branches: bool
     events: Instants
+    laws: LawTables | None
     variables: tuple[Variable, ...]
     zero_inputs: dict[str, float]
     held: tuple[str, ...]
@@ -102,10 +108,12 @@ def executable(dae: CompiledDAE) -> Executable:
     """
     _refuse(dae)
     flat, reduced = dae.flat, dae.reduced
-    signals, open_inputs = _signals(flat)
+    signals, open_inputs = _signals(flat, reduced)
     report = Report()
     plan = build_plan(reduced, signals, False, report)
     report.check()
+    if why := why_not(plan):
+        raise refusal(flat, why)
     _refuse_steps(plan, signals)
     zero_inputs = {flat.variable_name(v): 0.0 for v in open_inputs}
     run = dae.simulate(energy=False, inputs=zero_inputs)
@@ -120,10 +128,13 @@ def executable(dae: CompiledDAE) -> Executable:
     guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
     start = _start(run, len(plan.states))
     _check_same_start(plan, first)
-    events = instants(plan, plan.reduced.flat.extended(dae.values), lambda: _longest(dae, plan, base, signals, span))
+    values = plan.reduced.flat.extended(dae.values)
+    laws = law_tables(plan, values, signals, run.trajectory) if reduced.switched is not None else None
+    read = np.zeros(0, int) if laws is None else laws.read
+    events = instants(plan, values, lambda: _longest(dae, plan, base, signals, span), read)
     tried = _Tried(dae, plan, signals, zero_inputs, span, start)
     settable, held = tried.settable()
-    variables = listed(dae, plan, inputs, exported, settable, events)
+    variables = listed(dae, plan, inputs, exported, settable, events, [] if laws is None else laws.indicator_texts)
     outputs = np.array(sorted({v.register for v in variables if v.causality == "output"}), int)
     rule = Jacobian(
         plan.program + observing, np.concatenate([plan.states, inputs]).astype(int),
@@ -137,8 +148,8 @@ def executable(dae: CompiledDAE) -> Executable:
         known, _given(plan), _kept(plan, observing), unknowns,
         guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0),
         inputs, base[inputs], settable, start, np.where(nominal > 0, nominal, 1.0),
-        kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, variables,
-        zero_inputs, held,
+        kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, laws,
+        variables, zero_inputs, held,
     )  # fmt: skip
 
 
@@ -148,15 +159,10 @@ def refusal(flat: FlatDAE, why: str, hint: str = "") -> ModelError:
 
 
 def _refuse(dae: CompiledDAE) -> None:
-    """Refuse laws, and coordinates that change."""
+    """Refuse coordinates that change, and samples that the start determines."""
     flat, reduced = dae.flat, dae.reduced
     why = ""
-    if flat.laws or reduced.switched is not None:
-        from lmoc.ir.mode import law_names
-
-        names = law_names(flat, flat.laws) if flat.laws else []
-        why = f"it has laws that switch ({', '.join(list(names)[:3])}{', …' if len(names) > 3 else ''})"
-    elif reduced.in_all_coordinates:
+    if reduced.in_all_coordinates:
         why = "its closed loops have no minimal coordinates that serve"
     elif flat.events is not None and (flat.kind[flat.events.clocks()] == Kind.UNKNOWN).any():
         why = "the equations of its start determine when it samples"
@@ -187,9 +193,13 @@ def _refuse_steps(plan: Plan, signals: dict[int, Signal]) -> None:
 
 
 def _inputs(plan: Plan) -> np.ndarray:
-    """Return the registers that are set from outside: not those of discrete variables, whose derivatives are zero."""
+    """Return the registers that are set from outside: not those of discrete variables, whose derivatives are zero, nor
+    of the laws' modes."""
     register, variable, _ = plan.reduced.inputs
-    own = register[plan.reduced.flat.kind[variable] == Kind.DISCRETE]
+    own, form = register[plan.reduced.flat.kind[variable] == Kind.DISCRETE], plan.reduced.switched
+    if form is not None:
+        modes = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
+        own = np.concatenate([own, register[np.isin(variable, modes)], plan.held])
     found = np.array([r for r, _ in plan.constants], int)
     return found[~np.isin(found, own)]
 
@@ -231,7 +241,7 @@ def _no_column(column: int, order: int) -> float:
     raise ValueError(f"a shape without variables reads column {column}")
 
 
-def _signals(flat: FlatDAE) -> tuple[dict[int, Signal], list[int]]:
+def _signals(flat: FlatDAE, reduced: Reduced) -> tuple[dict[int, Signal], list[int]]:
     """Return the signals of inputs: a formula of the model stays inside, all others are set from outside; and those
     that the model leaves open."""
     signals: dict[int, Signal] = default_signals(flat)
@@ -242,6 +252,8 @@ def _signals(flat: FlatDAE) -> tuple[dict[int, Signal], list[int]]:
 
             signals[v] = Constant(float(evaluate(signal.shape, _no_column, 0.0)))
     own = [] if flat.events is None else flat.events.discrete.tolist()
+    if reduced.switched is not None:
+        signals |= all_open(reduced.switched)
     return {**signals, **{v: Constant(0.0) for v in (*opened, *own)}}, opened
 
 

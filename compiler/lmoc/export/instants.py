@@ -128,13 +128,14 @@ class _Layout(Memory):
 
 
 
-def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float]) -> Instants:
+def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float], read: np.ndarray = NONE) -> Instants:
     """Return the events of a plan; without any there are empty tables.
 
     Parameters
     ----------
     values : (flat.count,) of parameters
     longest : s, the longest step with which relations of time that are not linear in it are looked at often enough
+    read : registers that laws read
     """
     flat, own = plan.reduced.flat, _Layout(plan)
     events = flat.events or Events(NONE, np.zeros((2, 0), int), (), (), (), (), (), (), ())
@@ -149,7 +150,7 @@ def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float]) -> In
     begin, begun = _begin(own, events)
     seen = NONE if layout is None else plan.reduced.register_of[layout.seen]
     known = np.concatenate([NONE, *judged])
-    wanted = np.concatenate([zeros, seen, branches, watched.places, known]).astype(int)
+    wanted = np.concatenate([zeros, seen, branches, watched.places, known, read]).astype(int)
     look = needed_steps((*plan.reduced.observe, *looked, *steps), wanted, own.size)
     return Instants(
         values_tape(look, own.size), values_tape(tables.assign, own.size), values_tape(tables.lines, own.size),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -63,7 +64,13 @@ class Variable:
 
 
 def listed(
-    dae: CompiledDAE, plan: Plan, inputs: np.ndarray, exported: np.ndarray, settable: np.ndarray, events: Instants
+    dae: CompiledDAE,
+    plan: Plan,
+    inputs: np.ndarray,
+    exported: np.ndarray,
+    settable: np.ndarray,
+    events: Instants,
+    more: Sequence[str] = (),
 ) -> tuple[Variable, ...]:
     """Return all variables: parameters, states, inputs, what is observed, derivatives, event indicators.
 
@@ -73,6 +80,7 @@ def listed(
     exported : (plan.count,) registers that have values
     settable : flat variables of parameters that can be set
     events : which variables are discrete
+    more : what event indicators tell of behind those of `events`
     """
     reduced, flat = plan.reduced, dae.flat
     found: list[Variable] = []
@@ -117,17 +125,17 @@ def listed(
                 continue
             found.append(Variable(said[0], *own, *said[1:], derivative_of.get(i, -1) if own[0] == Place.STATE else -1))
     found += _helpers(plan, found, seen, inputs, input_of, derivative_of)
-    return tuple(found + _indicators(found, events))
+    return tuple(found + _indicators(found, (*events.indicator_texts, *more)))
 
 
 def _type(quantity: str) -> Type:
     return {"Real": Type.REAL, "Boolean": Type.BOOLEAN}.get(quantity, Type.INTEGER)
 
 
-def _indicators(found: list[Variable], events: Instants) -> list[Variable]:
+def _indicators(found: list[Variable], texts: Sequence[str]) -> list[Variable]:
     """Return the functions whose change of sign is an event."""
     names, more = {v.name for v in found}, []
-    for k, text in enumerate(events.indicator_texts):
+    for k, text in enumerate(texts):
         name = f"event indicator {k + 1}"
         while name in names:
             name += "'"

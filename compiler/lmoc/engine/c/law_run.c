@@ -13,6 +13,7 @@ static const double AT_ONCE = 1e-10;   /* s behind the start within which a law 
 static const double ROUNDING = 1e-13;  /* share of the forces that hold a body by which they may miss each other */
 static const double OVERLAP = 1e-8;    /* a gap is negative where it is by this share of the lengths of the scene … */
 static const double OVERLAP_ROUNDING = 1e-12; /* … and by more than what start values may be wrong by that are differences */
+enum { ROUNDS = 20 };                  /* of laws and discrete equations that change each other at one instant */
 
 /* ------------------------------------------------------------------ memory */
 
@@ -33,8 +34,8 @@ int64_t lmoc_law_place(lmoc_law_run *s, double *memory) {
     contact = memory ? memory + total : 0;
     if (memory) lmoc_contact_place(n, m, contact, at[i]);
   }
-  TAKE(next.direction, n); TAKE(next.push, n); TAKE(next.force, n); TAKE(root, 2*n);
-  FLAGS(next.closed, n); FLAGS(next.implied, n); FLAGS(next.unique, n);
+  TAKE(next.direction, n); TAKE(next.push, n); TAKE(next.force, n); TAKE(root, 2*n); TAKE(inputs, 3*n);
+  FLAGS(next.closed, n); FLAGS(next.implied, n); FLAGS(next.unique, n); FLAGS(none, 2*n);
 #undef TAKE
 #undef FLAGS
   s->next.level = s->level;
@@ -52,6 +53,7 @@ void lmoc_law_open(lmoc_law_run *s) {
   }
   for (int64_t i = 0; i < n * LMOC_SERIES; i++) s->impacts[i] = NAN;
   for (int64_t i = 0; i < s->k.states; i++) s->rounding[i] = s->held[i] = 0;
+  memset(s->none, 0, (size_t)(2*n));
 }
 
 /* ------------------------------------------------------------------ what goes with a mode */
@@ -370,4 +372,37 @@ int lmoc_law_keep(lmoc_law_run *s, double time, double share, double *x) {
   if ((failed = lmoc_project(&s->k, s->was, s->is, &s->past, &s->spare, s->laws))) return failed;
   memcpy(x, s->past.x, (size_t)s->k.states * sizeof(double));
   return LMOC_SOLVED;
+}
+
+/* ------------------------------------------------------------------ laws and discrete equations */
+
+static int differ(const lmoc_law_run *s, const double *one, const double *other) {
+  for (int64_t j = 0; j < s->k.states; j++) if (!s->k.ledger[j] && one[j] != other[j]) return 1;
+  return 0;
+}
+
+static int same_inputs(lmoc_law_run *s) {
+  const int64_t n = s->k.laws.count;
+  for (int64_t i = 0; i < n; i++)
+    if (s->inputs[i] != (s->closed[i] && !s->implied[i]) || s->inputs[n + i] != s->push[i] ||
+        s->inputs[2*n + i] != (double)s->direction[i])
+      return 0;
+  return 1;
+}
+
+int lmoc_law_settle(lmoc_law_run *s, const lmoc_discrete *d, double time, double *before, double *x) {
+  const int64_t n = s->k.laws.count;
+  int failed, parted;
+  for (int round = 0; round < ROUNDS; round++) {
+    if ((failed = lmoc_law_look(s, time, x))) return failed;
+    if (d->renew(d->owner)) return LMOC_HELD_UP;
+    if ((failed = lmoc_law_renew(s)) || (failed = lmoc_law_parts(s, time, x, &parted))) return failed;
+    lmoc_law_inputs(s, s->inputs, s->inputs + n, s->inputs + 2*n);
+    if ((failed = lmoc_law_happen(s, time, x, s->none, parted || differ(s, before, x)))) return failed;
+    memcpy(before, x, (size_t)s->k.states * sizeof(double));
+    if (d->happened(d->owner)) return LMOC_HELD_UP;
+    if (!s->some && same_inputs(s)) return LMOC_SOLVED;
+    if (d->settle(d->owner, time, x)) return LMOC_HELD_UP;
+  }
+  return LMOC_NO_END;
 }

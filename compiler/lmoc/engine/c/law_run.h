@@ -12,8 +12,8 @@ enum { LMOC_CHANGES = 500 };  /* changes of laws within a moment that are chatte
 enum { LMOC_NO_EVENT, LMOC_ACCUMULATION, LMOC_IMPACT, LMOC_CLOSING, LMOC_OPENING };
 
 /* Why there is no way, beside those of `kinematics.h`: a gap is negative that no motion has closed; one that is closed
-   jumps below zero; laws open and close without end. */
-enum { LMOC_OVERLAPS = 5, LMOC_GAP_JUMPS = 6, LMOC_CHATTERS = 7 };
+   jumps below zero; laws open and close without end; laws and discrete equations change each other without end. */
+enum { LMOC_OVERLAPS = 5, LMOC_GAP_JUMPS = 6, LMOC_CHATTERS = 7, LMOC_NO_END = 8 };
 
 /* s: where the first mode was found, where the present segment begins, where laws have opened last. */
 typedef struct {
@@ -27,7 +27,7 @@ typedef struct {
   const lmoc_flag *linear;     /* (n,) rates that are linear in the states, with coefficients that never change */
   const lmoc_flag *position;   /* (states,) those that no law can hold */
   const double *limits;        /* (n,) sticking limits that are parameters; no number for others */
-  double *noise;               /* (n,) what levels are by rounding alone */
+  const double *noise;         /* (n,) what levels are by rounding alone */
   int64_t work, heat;          /* which states of the ledger they are; -1: none */
   double moment;               /* s, within which laws chatter */
 
@@ -54,8 +54,17 @@ typedef struct {
 
   lmoc_contact now, past, spare;  /* where the segment begins; `past` for `lmoc_law_parts`; scratch */
   lmoc_settled next;
-  double *root;                /* (2 n,) */
+  double *root, *inputs;       /* (2 n,), (3, n) */
+  lmoc_flag *none;             /* (2 n,) */
 } lmoc_law_run;
+
+/* The discrete equations of the same scene, and who carries them out. Functions return 0 where an answer is good. */
+typedef struct {
+  void *owner;
+  int (*renew)(void *owner);      /* the laws are judged with the present discrete values from here on */
+  int (*happened)(void *owner);   /* tell of the laws, with whose mode the discrete equations are judged from here on */
+  int (*settle)(void *owner, double time, double *x);  /* carry them out; they may move the states */
+} lmoc_discrete;
 
 /* Lay out its memory, `count` doubles, or say how many with no place. All laws are open then. */
 int64_t lmoc_law_place(lmoc_law_run *s, double *memory);
@@ -78,6 +87,10 @@ int lmoc_law_happen(lmoc_law_run *s, double time, double *x, const lmoc_flag *wh
 
 /* Go on in a mode that has been set, from a place. `anew`: whether what touches there is found anew. */
 int lmoc_law_go_on(lmoc_law_run *s, double time, const double *x, int anew);
+
+/* Let laws and discrete equations answer each other until nothing changes: from the states as the laws have left them
+   `before`, and as they are now. */
+int lmoc_law_settle(lmoc_law_run *s, const lmoc_discrete *d, double time, double *before, double *x);
 
 /* Whether a value that jumps changes any motion of the laws: look before and after it. */
 int lmoc_law_look(lmoc_law_run *s, double time, const double *x);

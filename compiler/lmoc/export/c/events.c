@@ -2,6 +2,7 @@
    that of `engine/c/instant.c`. */
 
 #include "discrete.h"
+#include "fmu_laws.h"
 
 #include <stdio.h>
 
@@ -27,7 +28,8 @@ int fmu_move(lmoc_instant *e, const double *x, int64_t i, double wanted, double 
 
 /* ------------------------------------------------------------------ roots */
 
-int64_t fmu_roots(const fmu *f) { return lmoc_roots(&f->e) + f->model->events.branches; }
+/* Relations, then what assertions depend on, then laws. */
+int64_t fmu_roots(const fmu *f) { return lmoc_roots(&f->e) + f->model->events.branches + fmu_law_roots(f); }
 
 /* The zero functions as last looked at. */
 static double *zeros_of(fmu *f) {
@@ -43,6 +45,8 @@ int fmu_indicators(fmu *f, double time, const double *x, double *out) {
   for (int64_t k = 0; k < f->e.zeros; k++) /* solvers take what is zero for no indicator */
     if (out[k] == 0) out[k] = lmoc_rounded(&f->e, k) || f->e.v[f->e.target[f->e.of_zero[k]]] > 0 ? LEAST : -LEAST;
   for (int64_t i = 0; i < e->branches; i++) out[roots + i] = f->w[LOOK][e->branch[i]];
+  fmu_law_indicators(f, out + roots + e->branches);
+  for (int64_t k = roots + e->branches; k < fmu_roots(f); k++) if (out[k] == 0) out[k] = LEAST;
   return FMU_GOOD;
 }
 
@@ -50,6 +54,7 @@ void fmu_sides(const fmu *f, double *out) {
   const int64_t roots = lmoc_roots(&f->e);
   lmoc_root_sides(&f->e, out);
   for (int64_t i = 0; i < f->model->events.branches; i++) out[roots + i] = 0;
+  for (int64_t i = roots + f->model->events.branches; i < fmu_roots(f); i++) out[i] = 1;
 }
 
 int fmu_asks(fmu *f, const double *values) {
@@ -108,13 +113,16 @@ int fmu_first_root(fmu *f, double begin, double end, int (*states)(void *own, do
 
 /* ------------------------------------------------------------------ events */
 
+static int is_crossed(double now, double then) { return now < 0 || (then < 0 && then < now); }
+
 /* Which zero functions are beyond their side, 1 (of rounded ones 2 at the upper edge), or will be so soon that it is the
-   same instant. */
+   same instant; and which functions of laws, `law_which`. */
 static int crossed(fmu *f, double *which) {
   const lmoc_instant *e = &f->e;
   const int64_t count = fmu_roots(f), n = f->model->states;
   const double t = f->now.time, ahead = 1e-14 * fmax(fabs(t), fabs(f->now.begin)) + 1e-12 * (t - f->now.begin);
   double *values = f->root, *sides = values + count, *later = sides + count, *x = f->moved;
+  const int64_t first = count - fmu_law_roots(f);
   for (int64_t k = 0; k < e->zeros; k++) which[k] = 0;
   if (!count) return FMU_GOOD;
   if (fmu_indicators(f, t, f->x, values)) return FMU_NO_VALUE;
@@ -124,8 +132,9 @@ static int crossed(fmu *f, double *which) {
   for (int64_t k = 0, upper = e->zeros; k < e->zeros; k++)
     for (int64_t edge = 0, at = k; edge < 1 + lmoc_rounded(e, k); edge++, at = upper++) {
       const double now = values[at] * sides[at], then = later[at] * sides[at];
-      if (now < 0 || (then < 0 && then < now)) which[k] = 1 + (double)edge;
+      if (is_crossed(now, then)) which[k] = 1 + (double)edge;
     }
+  for (int64_t k = first; k < count; k++) f->law_which[k - first] = is_crossed(values[k], later[k]);
   return FMU_GOOD;
 }
 
@@ -207,15 +216,12 @@ static int come_back(fmu *f, const double *which) {
   return some ? event(f, 0, t, 0, f->turn) : FMU_GOOD;
 }
 
-int fmu_happen(fmu *f) {
+/* What happens to the discrete values; `which` (zeros,) as of `crossed`. */
+static int change(fmu *f, const double *which) {
   const double t = f->now.time;
   const int due = t >= f->now.next - lmoc_near_to(t);
   const double instant = due ? f->now.next : t;
-  double *which = f->which;
   int some = 0, found;
-  f->now.jumped = 0;
-  if (f->now.ended || !f->e.discrete) return FMU_GOOD;
-  if ((found = crossed(f, which)) || (found = cross(f, which))) return found;
   if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
   memcpy(f->before, f->x, f->model->states * sizeof(double));
   for (int64_t k = 0; k < f->e.zeros; k++) f->at[k] = fmu_value(f, k);
@@ -223,9 +229,35 @@ int fmu_happen(fmu *f) {
   f->now.next = lmoc_next_time(&f->e, instant, 0);
   for (int64_t k = 0; k < f->e.zeros; k++) some |= which[k] != 0;
   if (some) lmoc_leave_zero(&f->e, which);
-  if (some && f->now.jumped && (found = come_back(f, which))) return found;
-  f->now.last_instant = t;
-  if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
+  return some && f->now.jumped ? come_back(f, which) : FMU_GOOD;
+}
+
+/* Carry out the discrete equations where a law has changed something. */
+static int answer(void *own, double time, double *x) {
+  fmu *f = own;
+  (void)time, (void)x; /* which stand in `f` */
+  return (f->failed = event(f, 0, f->now.time, 0, 0)) != FMU_GOOD;
+}
+
+static int laws_happen(fmu *f) {
+  for (int64_t k = 0; k < fmu_law_roots(f); k++) if (f->law_which[k]) return fmu_law_happen(f, f->law_which);
+  return FMU_GOOD;
+}
+
+/* Laws go first, then the discrete equations, and the laws again where those have changed something. */
+int fmu_happen(fmu *f) {
+  const int64_t laws = f->model->laws.laws.count;
+  int found;
+  f->now.jumped = 0;
+  if (f->now.ended || !(f->e.discrete || laws)) return FMU_GOOD;
+  if ((found = crossed(f, f->which)) || (found = cross(f, f->which)) || (found = laws_happen(f))) return found;
+  if (f->e.discrete) {
+    memcpy(f->law_before, f->x, f->model->states * sizeof(double));
+    if ((found = change(f, f->which)) || (laws && (found = fmu_law_settle(f, answer)))) return found;
+  }
+  f->now.last_instant = f->now.time;
+  if (fmu_look(f, f->now.time, f->x)) return FMU_NO_VALUE;
+  fmu_law_watch(f);
   lmoc_mark(&f->call);
   return FMU_GOOD;
 }
@@ -243,15 +275,12 @@ static void begin_with(fmu *f) {
 
 /* Discrete values that agree with each other and with the states. `for_good`: with the events of the start, else only to
    be looked at. */
-int fmu_begin(fmu *f, int for_good) {
+static int begin_discrete(fmu *f, int for_good) {
   const fmu_events *m = &f->model->events;
   lmoc_instant *e = &f->e;
   const double t = f->now.time;
   double *before = e->history + LMOC_BEGUN*e->discrete;
   int some = 0, found, changed = 1;
-  f->now.settled = 1;
-  f->now.jumped = 0;
-  if (!e->discrete) return fmu_look(f, t, f->x);
   for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = m->start[i];
   e->literal = 1;
   if (m->initial >= 0) e->v[m->initial] = 1;
@@ -279,11 +308,32 @@ int fmu_begin(fmu *f, int for_good) {
   e->literal = 0;
   fmu_changed(f);
   if (!for_good) return FMU_GOOD;
-  f->now.begun = 1;
   f->now.last_instant = t;
   f->now.next = lmoc_next_time(e, t, 1);
-  return f->now.next <= t + lmoc_near_to(t) ? fmu_happen(f) : FMU_GOOD;
+  if (!(f->now.next <= t + lmoc_near_to(t))) return FMU_GOOD;
+  if ((found = crossed(f, f->which)) || (found = cross(f, f->which))) return found;
+  return change(f, f->which);
 }
+
+int fmu_begin(fmu *f, int for_good) {
+  const int64_t laws = f->model->laws.laws.count;
+  const double t = f->now.time;
+  int found = FMU_GOOD;
+  f->now.settled = 1;
+  f->now.jumped = 0;
+  f->now.begun |= for_good;
+  if (f->e.discrete && (found = begin_discrete(f, for_good))) return found;
+  if (laws && (found = fmu_law_begin(f, for_good))) return found;
+  if (laws && f->e.discrete && for_good) {
+    memcpy(f->law_before, f->x, f->model->states * sizeof(double));
+    if ((found = fmu_law_settle(f, answer))) return found;
+  }
+  if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
+  if (laws) fmu_law_watch(f);
+  if (for_good) lmoc_mark(&f->call);
+  return FMU_GOOD;
+}
+
 
 int fmu_holds(fmu *f) {
   const fmu_events *e = &f->model->events;

@@ -30,14 +30,17 @@ static status wrong(instance *c, const char *text) {
 #define ANY (READABLE | FMU_CONFIGURING)
 
 FMU_EXPORT status FMI(SetDebugLogging)(instance *c, boolean on, size_t n, const char *const categories[]) {
-  (void)on, (void)n, (void)categories;
-  return c ? OK : ERROR;
+  if (!c) return ERROR;
+  int events = !n; /* of which one can be told; the others are errors and warnings */
+  for (size_t i = 0; i < n && categories; i++) events |= !strcmp(categories[i], "logEvents");
+  if (events) c->logging = on;
+  return OK;
 }
 
 /* Give a new instance its scene; 0 where it cannot have it. */
 static instance *filled(instance *c, const char *token, int co_simulation) {
   if (!token || strcmp(token, lmoc_fmu_model.token)) tell(c, "the instantiation token (GUID) is another one");
-  else c->f = fmu_new(&lmoc_fmu_model, co_simulation, c, tell, warn);
+  else c->f = fmu_new(&lmoc_fmu_model, co_simulation, c, tell, warn, note);
   if (c->f) return c;
   free(c);
   return 0;

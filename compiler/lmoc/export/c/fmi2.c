@@ -19,6 +19,7 @@ typedef struct {
   fmu *f;
   callbacks calls;
   char name[200];
+  int logging;
 } instance;
 
 static void tell(void *own, const char *text) {
@@ -29,6 +30,11 @@ static void tell(void *own, const char *text) {
 static void warn(void *own, const char *text) {
   instance *c = own;
   if (c->calls.log) c->calls.log(c->calls.environment, c->name, WARNING, "logStatusWarning", "%s", text);
+}
+
+static void note(void *own, const char *text) {
+  instance *c = own;
+  if (c->calls.log && c->logging) c->calls.log(c->calls.environment, c->name, OK, "logEvents", "%s", text);
 }
 
 #define FMI(name) fmi2##name
@@ -47,9 +53,10 @@ FMU_EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
 
 FMU_EXPORT instance *fmi2Instantiate(const char *name, int type, const char *token, const char *resources,
                                      const callbacks *calls, int visible, int logging) {
-  (void)resources, (void)visible, (void)logging;
+  (void)resources, (void)visible;
   instance *c = calloc(1, sizeof *c);
   if (!c) return 0;
+  c->logging = logging;
   if (calls) c->calls = *calls;
   snprintf(c->name, sizeof c->name, "%s", name ? name : "");
   return filled(c, token, type == 1);

@@ -10,6 +10,7 @@ typedef struct {
   fmu *f;
   void *environment;
   log_message log;
+  int logging;
 } instance;
 
 static void tell(void *own, const char *text) {
@@ -22,33 +23,39 @@ static void warn(void *own, const char *text) {
   if (c->log) c->log(c->environment, WARNING, "logStatusWarning", text);
 }
 
+static void note(void *own, const char *text) {
+  instance *c = own;
+  if (c->log && c->logging) c->log(c->environment, OK, "logEvents", text);
+}
+
 #define FMI(name) fmi3##name
 typedef bool boolean;
 #include "fmi.h"
 
 FMU_EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
-static instance *new_instance(const char *token, int co_simulation, void *environment, log_message log) {
+static instance *new_instance(const char *token, int co_simulation, int logging, void *environment, log_message log) {
   instance *c = calloc(1, sizeof *c);
   if (!c) return 0;
   c->environment = environment;
   c->log = log;
+  c->logging = logging;
   return filled(c, token, co_simulation);
 }
 
 FMU_EXPORT instance *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources,
                                                   bool visible, bool logging, void *environment, log_message log) {
-  (void)name, (void)resources, (void)visible, (void)logging;
-  return new_instance(token, 0, environment, log);
+  (void)name, (void)resources, (void)visible;
+  return new_instance(token, 0, logging, environment, log);
 }
 
 FMU_EXPORT instance *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources,
                                                  bool visible, bool logging, bool event_mode, bool early_return,
                                                  const uint32_t intermediate[], size_t n, void *environment,
                                                  log_message log, void *update) {
-  (void)name, (void)resources, (void)visible, (void)logging, (void)event_mode, (void)early_return;
+  (void)name, (void)resources, (void)visible, (void)event_mode, (void)early_return;
   (void)intermediate, (void)n, (void)update;
-  return new_instance(token, 1, environment, log);
+  return new_instance(token, 1, logging, environment, log);
 }
 
 FMU_EXPORT instance *fmi3InstantiateScheduledExecution(const char *name, const char *token, const char *resources,

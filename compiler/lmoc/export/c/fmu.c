@@ -1,12 +1,14 @@
 /* What FMI 2.0 and 3.0 have in common: values, states, steps. */
 
 #include "discrete.h"
+#include "fmu_laws.h"
 
 #include <stdlib.h>
 
 static const fmu_tape *tape_of(const fmu_model *m, int k) {
   const fmu_events *e = &m->events;
-  const fmu_tape *all[] = {&m->parametric, &m->right, &m->observe, &m->slopes, &e->look, &e->assign, &e->line, &e->begin};
+  const fmu_tape *all[] = {&m->parametric, &m->right, &m->observe, &m->slopes, &e->look, &e->assign, &e->line, &e->begin,
+                           &m->laws.by_force, &m->laws.by_state};
   return all[k];
 }
 
@@ -32,6 +34,7 @@ static int64_t place_memory(fmu *f) {
   const fmu_model *m = f->model;
   const fmu_events *e = &m->events;
   const lmoc_instant *i = &e->tables;
+  const int64_t laws = m->laws.laws.count;
   double *at = f->memory;
   int64_t total = 0;
 #define TAKE(name, count) (f->name = at ? at + total : 0, total += (count))
@@ -51,6 +54,12 @@ static int64_t place_memory(fmu *f) {
   TAKE(hops.times, i->zeros * LMOC_CHATTER);
   TAKE(hops.home, i->zeros);
   TAKE(warned, e->watched);
+  TAKE(known, 5*laws);
+  TAKE(restitution, laws);
+  TAKE(errors, m->states);
+  TAKE(unresolved, m->states);
+  fmu_law_ask(f);
+  total += lmoc_law_place(&f->laws, at ? at + total : 0);
   f->doubles = total;
   TAKE(work, 32*m->states + 4);
   TAKE(noise, 3*i->zeros + m->states);
@@ -65,9 +74,13 @@ static int64_t place_memory(fmu *f) {
   TAKE(before, m->states);
   TAKE(at, i->zeros);
   TAKE(hops.work, 4*m->states + 9*i->zeros);
+  TAKE(law_read, 4*laws);
+  TAKE(law_before, m->states);
+  TAKE(law_moved, m->states);
   double *scratch;
   scratch = at ? at + total : 0, total += i->told;
   f->e.found = (int64_t *)scratch;
+  f->law_which = (lmoc_flag *)(at ? at + total : 0), total += (2*laws + 7) / 8;
   f->e.moved = f->moved;
   f->e.v = f->w[ASSIGN];
   f->e.line = f->w[LINES];
@@ -107,7 +120,8 @@ void fmu_reset(fmu *f) {
     for (int64_t i = 0; i < t->constant_count; i++) f->w[k][t->places[i]] = t->values[i];
   }
   memcpy(f->w[PARAMETRIC], m->known, m->parametric.time * sizeof(double));
-  for (int k = LOOK; k < TAPES; k++) f->w[k][m->events.absent] = NAN;
+  for (int k = LOOK; k <= BEGIN; k++) f->w[k][m->events.absent] = NAN;
+  lmoc_law_open(&f->laws);
   for (int64_t i = 0; i < f->e.zeros * LMOC_CHATTER; i++) f->hops.times[i] = -INFINITY;
   guess(f);
   forget(f);
@@ -122,7 +136,7 @@ static int64_t remembered(const fmu_tape *t) {
   return count;
 }
 
-fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell, fmu_tell warn) {
+fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell, fmu_tell warn, fmu_tell note) {
   fmu *f = calloc(1, sizeof *f);
   if (!f) return 0;
   f->model = model;
@@ -131,6 +145,7 @@ fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell te
   f->owner = owner;
   f->tell = tell;
   f->warn = warn;
+  f->note = note;
   f->now.co_simulation = co_simulation;
   for (int k = 0; k < TAPES; k++)
     for (int64_t i = 0; i < tape_of(model, k)->block_count; i++) f->pivot_count += tape_of(model, k)->pivots[i];
@@ -177,16 +192,18 @@ void fmu_changed(fmu *f) {
 }
 
 /* Parameters and inputs into the registers. */
-static void settle(fmu *f) {
+void fmu_settle(fmu *f) {
   const fmu_model *m = f->model;
   const fmu_events *e = &m->events;
+  int renewed = f->now.stale;
   if (f->now.stale) {
     double *w = f->w[PARAMETRIC];
     for (int64_t i = 0; i < m->parameters; i++) w[m->parameter[i]] = f->p[i];
     forget(f);
     lmoc_tape_run(NAN, w, f->tape + PARAMETRIC);
+    fmu_law_parameters(f);
     for (int64_t i = 0; i < m->given; i++) f->w[RIGHT][m->given_registers[i]] = w[m->given_registers[i]];
-    for (int k = LOOK; k < TAPES; k++)
+    for (int k = LOOK; k <= BEGIN; k++)
       for (int64_t i = 0; i < e->parameters; i++) f->w[k][e->parameter_registers[i]] = w[e->parameter_registers[i]];
     if (f->now.phase & (FMU_FRESH | FMU_INITIALIZING | FMU_CONFIGURING)) { /* later the last solution is the nearest */
       guess(f);
@@ -201,7 +218,11 @@ static void settle(fmu *f) {
       f->w[RIGHT][e->registers[i]] = f->e.v[f->e.own[i]];
       f->call.solved = f->call.marked = 0; /* the equations are others: their solution may be elsewhere */
       fmu_changed(f);
+      renewed = 1;
     }
+  if (!m->laws.laws.count) return;
+  fmu_law_mode(f);
+  if (renewed) lmoc_law_renew(&f->laws);
 }
 
 /* The equations at a place; loops are closed first as the scene is at its start, from where the way leads there. */
@@ -217,7 +238,7 @@ static int solve(fmu *f, double time, const double *x) {
 
 int fmu_look(fmu *f, double time, const double *x) {
   const fmu_events *e = &f->model->events;
-  settle(f);
+  fmu_settle(f);
   f->now.evaluated = f->now.observed = 0;
   if (solve(f, time, x)) return FMU_NO_VALUE;
   for (int64_t i = 0; i < e->kept; i++) f->w[LOOK][e->kept_registers[i]] = f->w[RIGHT][e->kept_registers[i]];
@@ -225,8 +246,8 @@ int fmu_look(fmu *f, double time, const double *x) {
 }
 
 static int evaluate(fmu *f) {
-  settle(f);
-  if (!f->now.begun && !f->now.settled && f->e.discrete) {
+  fmu_settle(f);
+  if (!f->now.begun && !f->now.settled && (f->e.discrete || f->model->laws.laws.count)) {
     const int found = fmu_begin(f, 0);
     if (found) return found;
   }
@@ -270,7 +291,7 @@ int fmu_get(fmu *f, uint32_t reference, double *value) {
       if (!found) found = fmu_indicators(f, f->now.time, f->x, f->root);
       *value = found ? NAN : f->root[place];
       break;
-    case FMU_DERIVED: settle(f); *value = f->w[PARAMETRIC][place]; break;
+    case FMU_DERIVED: fmu_settle(f); *value = f->w[PARAMETRIC][place]; break;
     case FMU_STATE: *value = f->x[place]; break;
     case FMU_INPUT: *value = f->u[place]; break;
     case FMU_DERIVATIVE:
@@ -430,7 +451,7 @@ static int smooth(fmu *f, double end, int *root) {
   if (found) return found;
   for (int64_t i = 0; i < n; i++) atol[i] = f->now.rtol * 1e-3 * m->nominal[i];
   if (!(f->now.wish > 0)) f->now.wish = first_step(f, end - f->now.time, slope, atol, x_new, last);
-  const lmoc_step_hook hook = {f, look, 0, keep, 0};
+  const lmoc_step_hook hook = {f, look, lmoc_law_drifts(&f->laws) ? fmu_law_keep : 0, keep, 0};
   lmoc_steps s = {.call = &f->call, .rules = &m->rules, .weights = m->weights, .nodes = m->nodes, .dense = m->dense,
                   .omitted = m->omitted, .atol = atol, .x = f->x, .f = slope, .x_new = x_new, .k = k, .last = last,
                   .terms = terms, .landed = landed, .t = f->now.time, .before = f->now.time, .step_size = f->now.wish,

@@ -7,7 +7,9 @@
 #include <stddef.h>
 
 #include "beside.h"
+#include "free_dynamics.h"
 #include "hops.h"
+#include "law_run.h"
 #include "roots.h"
 #include "walk.h"
 
@@ -46,6 +48,22 @@ typedef struct {
   double longest;                         /* s, of a step */
 } fmu_events;
 
+/* The laws of a scene, as `export/laws.py` describes them: an entry for each law. Registers are those of `right` where
+   nothing else is said. */
+typedef struct {
+  lmoc_laws laws;
+  const lmoc_flag *unilateral, *curved, *linear, *position, *ledger;  /* (`law_run.h`) */
+  fmu_tape by_force, by_state;            /* the quantities with their derivatives (`free_dynamics.h`) … */
+  int64_t given;
+  const int32_t *given_registers;         /* … from these registers, which parameters, inputs and events fill */
+  const int32_t *force_entry, *state_entry, *quantity;
+  const int32_t *known, *restitution;     /* (5, n), (n,) places on the tape of parameters; -1 for none */
+  const int32_t *inputs, *held;           /* (3, n), (states,) registers of a mode; -1 for none */
+  const int32_t *read;                    /* (4, n) registers of `look` */
+  const double *noise;                    /* what levels are by rounding alone */
+  const char *const *names, *const *closings, *const *openings;
+} fmu_laws;
+
 typedef struct {
   const char *token;
   int64_t registers, variables, states, inputs, parameters, given, kept, unknowns, breaks, outputs;
@@ -68,6 +86,7 @@ typedef struct {
   const double *weights, *nodes, *dense, *omitted;
   lmoc_rules rules;
   fmu_events events;
+  fmu_laws laws;
   double start_time, span, tolerance;     /* s, of the experiment */
 } fmu_model;
 
@@ -83,7 +102,7 @@ enum {
 enum { FMU_GOOD, FMU_NO_VALUE, FMU_WRONG };
 
 /* The tapes of an instance. */
-enum { PARAMETRIC, RIGHT, OBSERVE, SLOPES, LOOK, ASSIGN, LINES, BEGIN, TAPES };
+enum { PARAMETRIC, RIGHT, OBSERVE, SLOPES, LOOK, ASSIGN, LINES, BEGIN, BY_FORCE, BY_STATE, TAPES };
 
 /* What a function of FMI returns; the last only in 2.0. */
 typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING } status;
@@ -104,22 +123,28 @@ typedef struct fmu {
   lmoc_instant e;
   lmoc_finder finder;
   lmoc_hops hops;
+  lmoc_law_run laws;
+  lmoc_free_dynamics scene;
   const fmu_model *model;
   lmoc_tape tape[TAPES];
   lmoc_block *blocks[TAPES];
   /* one piece of memory, then scratch */
   double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
+  double *known, *restitution, *errors, *unresolved;  /* of the laws */
+  double *law_read, *law_before, *law_moved;
+  lmoc_flag *law_which;                         /* (2 n,) */
   double *work, *noise, *moved, *root, *which, *turn, *before, *at;
   int64_t doubles, pivot_count;
   int32_t *pivots;
   const lmoc_call *last;
   lmoc_call call;
+  int failed;                                   /* what has held up the laws */
   void *owner;
-  fmu_tell tell, warn;
+  fmu_tell tell, warn, note;
 } fmu;
 
-fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell, fmu_tell warn);
+fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell, fmu_tell warn, fmu_tell note);
 void fmu_free(fmu *f);
 void fmu_reset(fmu *f);
 
@@ -143,6 +168,7 @@ int fmu_directional(fmu *f, const uint32_t *unknowns, size_t rows, const uint32_
 
 /* How it stands within the equations (`fmu.c`). */
 int fmu_look(fmu *f, double time, const double *x);     /* registers of LOOK at a place */
+void fmu_settle(fmu *f);                                /* parameters, inputs and modes into the registers */
 void fmu_changed(fmu *f);
 int fmu_refused(fmu *f, const char *text);
 

@@ -126,10 +126,10 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0669": Entry(
         "a scene that cannot be an FMU",
-        "FMUs are made of masses, springs, gears, mechanisms that keep their coordinates, blocks, inputs, and of what\n"
-        "happens at instants: `when`, relations, samples, assertions. Laws that switch (stops, ropes, friction),\n"
-        "prescribed motions that jump, and mechanisms whose coordinates change along the motion cannot be exported\n"
-        "yet (docs/fmi.md).",
+        "FMUs are made of masses, springs, gears, mechanisms that keep their coordinates, blocks, inputs, of laws\n"
+        "that switch (stops, ropes, friction, contacts), and of what happens at instants: `when`, relations, samples,\n"
+        "assertions. Friction between springs alone, laws in mechanisms with closed loops, prescribed motions that\n"
+        "jump, and mechanisms whose coordinates change along the motion cannot be exported yet (docs/fmi.md).",
     ),
     "E0663": Entry(
         "no single equilibrium",

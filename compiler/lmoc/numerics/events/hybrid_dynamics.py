@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +27,7 @@ from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Outcome, Roots, joined
 from lmoc.numerics.problem.mode import Mode
-from lmoc.numerics.problem.status import Status, Stopped
+from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import Constant, Signal
 
 if TYPE_CHECKING:
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
 
 _MOMENT = 1e-10  # share of the run within which laws that change without end are chattering
 _LOOKS = 32  # places on a passage; even, so that none is the singular one in its middle
-_ROUNDS = 20  # of laws and discrete equations that change each other at one instant
 
 
 class HybridDynamics:
@@ -346,23 +346,15 @@ class HybridDynamics:
         ----------
         before, x : the states as the laws have left them, and as they are now
         """
-        for _ in range(_ROUNDS):
-            self.laws.look(t, x)
-            self._renew_laws()
-            mode = self.laws.signals()
-            jumped = self.laws.part(t, x) or self._differ(before, x)
-            before, events = self.laws.happen(t, x, jumped=jumped)
-            self.records += events
-            if not events and mode == self.laws.signals():
-                return before
-            self._renew_discrete()
-            x = self.handler.settle(t, before)
-            self._collect()
-        raise Stopped(Status.UNSETTLED, f"laws and events change each other again and again at t = {t:g} s")
 
-    def _differ(self, before: np.ndarray, x: np.ndarray) -> bool:
-        """Return whether states have been changed, whatever the ledger says."""
-        return bool((before != x)[~self.plan.ledger].any())
+        def settle(x: np.ndarray) -> np.ndarray:
+            self._renew_discrete()
+            moved = self.handler.settle(t, x)
+            self._collect()
+            return moved
+
+        renewed = partial(self._with_discrete, self.open)
+        return self.laws.settle(t, before, x, renewed, self.records.extend, settle)
 
     def _renew_laws(self) -> None:
         """The laws are judged with the present discrete values."""

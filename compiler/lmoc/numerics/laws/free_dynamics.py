@@ -63,10 +63,15 @@ class Quantities:
     variables: Indices
     registers: Indices
 
-    def known(self, plan: Plan, values: Array) -> Array:
-        """Return the values (5, n) of those that are constants or parameters, NaN for the others."""
+    def known_variables(self, plan: Plan) -> Indices:
+        """Return which (5, n) are constants or parameters, NONE for the others."""
         kind = plan.reduced.flat.kind[self.variables]
-        return np.where((self.variables != NONE) & (kind <= Kind.PARAMETER), values[self.variables], np.nan)
+        return np.where((self.variables != NONE) & (kind <= Kind.PARAMETER), self.variables, NONE)
+
+    def known(self, plan: Plan, values: Array) -> Array:
+        """Return the values (5, n) of these, NaN for the others."""
+        variables = self.known_variables(plan)
+        return np.where(variables != NONE, values[variables], np.nan)
 
 
 def quantities_of(plan: Plan, form: Switched, degree: Indices) -> Quantities:
@@ -107,10 +112,15 @@ class FreeDynamics:
         not computed; last the stored energy of the ledger, where there is one
     """
 
-    def __init__(self, plan: Plan, signals: Mapping[int, Signal]) -> None:
+    def __init__(self, plan: Plan, signals: Mapping[int, Signal], own: bool = True) -> None:
+        """
+        Parameters
+        ----------
+        own : evaluate a plan of the free scene's own where there is one, else always the switched form
+        """
         switched = plan.reduced.switched
         self.degree = switched.degree
-        self.switched, self.plan = plan, _free_plan(plan, signals)
+        self.switched, self.plan = plan, _free_plan(plan, signals) if own else plan
         form = self.plan.reduced.switched
         self.push = _inputs(self.plan, form.push)
         self.quantities = quantities_of(self.plan, form, switched.degree)

@@ -196,6 +196,11 @@ class ContactKinematics:
             self._find_noise(t, x)
         bias[small & (np.abs(bias) <= self.noise)] = 0.0
 
+    def noise_at(self, t: float, x: Array) -> Array:
+        """Return bounds of what levels are by rounding alone at an instant, (n,)."""
+        self._find_noise(t, x)
+        return self.noise.copy()
+
     def _find_noise(self, t: float, x: Array) -> None:
         """Bound the rounding of the levels at an instant."""
         scene, places = self.scene, self.scene.quantities.registers[2]

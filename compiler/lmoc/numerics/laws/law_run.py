@@ -16,7 +16,7 @@ from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import ContactKinematics, Instant, Laws, Mask
 from lmoc.numerics.problem.mode import Mode
 
-OVERLAPS, GAP_JUMPS, CHATTERS = 5, 6, 7  # what else a call may come to, (``law_run.h``)
+OVERLAPS, GAP_JUMPS, CHATTERS, NO_END = 5, 6, 7, 8  # what else a call may come to, (``law_run.h``)
 _NO_MEMORY = -1
 _REASONS = {NO_SOLUTION: "no forces keep them", 3: "no states nearby satisfy them", 4: "no impulses keep them"}
 _PLACE, _TIME, _COUNT = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
@@ -24,6 +24,8 @@ _AT = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE, _PLACE)
 _EXACT = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE, _PLACE, _PLACE)
 _RELAX = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _PLACE, _PLACE, _PLACE)
 _DECIDE = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _PLACE)
+_DO = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE)
+_SETTLE = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE)
 
 
 def _places(*names: str) -> list[tuple[str, Any]]:
@@ -77,8 +79,14 @@ class _LawRun(ctypes.Structure):
         ("past", _Contact),
         ("spare", _Contact),
         ("next", _Settled),
-        ("root", _PLACE),
+        *_places("root", "inputs", "none"),
     ]
+
+
+class _Discrete(ctypes.Structure):
+    """``lmoc_discrete``."""
+
+    _fields_ = _places("owner", "renew", "happened", "settle")
 
 
 _NUMBERS = ("push", "force", "idle", "when", "impulse", "lost", "level")
@@ -200,6 +208,37 @@ class LawRun:
     def drifts(self) -> bool:
         """Whether something is closed that integrators keep so within their errors alone."""
         return bool(library().lmoc_law_drifts(self.reference))
+
+    def settle(
+        self,
+        before: Array,
+        x: Array,
+        renew: Callable[[], None],
+        happened: Callable[[], None],
+        settle: Callable[[Array], Array],
+    ) -> int:
+        """Let laws and discrete equations answer each other until nothing changes; the status is as of `call`.
+
+        Parameters
+        ----------
+        before, x : states as the laws have left them, and as they are now; moved to what follows
+        renew : has the laws judged with the present discrete values
+        happened : tells of the laws
+        settle : returns the states behind the discrete equations, judged with the present mode
+        """
+
+        def settled(_: int, t: float, place: int) -> int:
+            def work() -> None:
+                states = doubles(place, self.states)
+                states[:] = settle(states.copy())
+
+            return self._answers.answer(work)
+
+        hooks = (
+            _DO(lambda _: self._answers.answer(renew)), _DO(lambda _: self._answers.answer(happened)), _SETTLE(settled)
+        )  # fmt: skip
+        asked = _Discrete(None, *(ctypes.cast(h, _PLACE).value for h in hooks))
+        return self.call("lmoc_law_settle", ctypes.addressof(asked), self.time, before, x)
 
     def watch(self, read: Array) -> int:
         """Begin a segment where the quantities of the roots, (4 laws), are these; return how many roots there are."""

@@ -29,7 +29,7 @@ def reader(kinematics: ContactKinematics) -> Reader:
         update = updatable(plan, kinematics.signals)
         if update is not None:
             return lambda base, signals: _in_mode(kinematics, update, base, signals)
-    return readout_of(plan, _registers(kinematics)).binder()
+    return readout_of(plan, reading_registers(kinematics)).binder()
 
 
 def rates(plan: Plan, base: Array, signals: Mapping[int, Signal]) -> Evaluate:
@@ -58,7 +58,7 @@ def _in_mode(
     return evaluate
 
 
-def _registers(kinematics: ContactKinematics) -> NDArray[np.int64]:
+def reading_registers(kinematics: ContactKinematics) -> NDArray[np.int64]:
     """Return the registers of motions, rates, forces and sticking limits; any one in place of those that are none."""
     gap, rate, _, _, stick = kinematics.registers
     motion = np.where(gap >= 0, gap, rate)

@@ -5,7 +5,7 @@ The bookkeeping is C (``engine/c/law_run.c``); here its events get their names a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import ContactKinematics, Instant
 from lmoc.numerics.laws.jenkins import Relaxed, decide, relax
-from lmoc.numerics.laws.law_run import CHATTERS, GAP_JUMPS, OVERLAPS, LawRun
+from lmoc.numerics.laws.law_run import CHATTERS, GAP_JUMPS, NO_END, LawRun
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan.plan import Plan
@@ -180,25 +180,6 @@ class LawSwitching:
             every[:n], every[n + self.second] = which[:n], which[n:]
         return self._take("lmoc_law_happen", t, x, every, jumped)
 
-    def look(self, t: float, x: Array) -> None:
-        """Look at the motions of the laws, before a discrete value changes."""
-        self.run.call("lmoc_law_look", t, x)
-
-    def part(self, t: float, x: Array) -> bool:
-        """Return whether a discrete value has changed any of them.
-
-        Raises
-        ------
-        Stopped
-            A closed gap jumps to less than zero: more than an impulse would be needed.
-        """
-        found = np.zeros(1, np.int32)
-        if self.run.call("lmoc_law_parts", t, x, found) == GAP_JUMPS:
-            (k,) = np.flatnonzero(self.run.laws).tolist()
-            reason = f"the gap of '{self.laws[k][0]}', which is closed, jumps to {self.run.gap(k):.6g} at t = {t:.6g} s"
-            raise Stopped(Status.CONTRADICTION, f"{reason} (give a ramp of finite length instead of a step)")
-        return bool(found[0])
-
     def strike(self, t: float, before: Array, x: Array) -> Array:
         """Return states that a step has moved, with the impulses of closed laws that keep them closed.
 
@@ -211,28 +192,77 @@ class LawSwitching:
     def _names(self, which: NDArray[np.bool_]) -> str:
         return ", ".join(dict.fromkeys(self.laws[k][0] for k in np.flatnonzero(which).tolist()))
 
+    def settle(
+        self,
+        t: float,
+        before: Array,
+        x: Array,
+        renewed: Callable[[], Array],
+        happened: Callable[[list[Event]], None],
+        settle: Callable[[Array], Array],
+    ) -> Array:
+        """Return the states behind an instant at which laws and discrete equations answer each other.
+
+        Parameters
+        ----------
+        before, x : the states as the laws have left them, and as they are now
+        renewed : returns the registers that do not change between events, with the present discrete values
+        happened : takes the events of the laws
+        settle : returns the states behind the discrete equations, judged with the present mode
+
+        Raises
+        ------
+        Stopped
+        """
+        before, x, run = np.array(before), np.array(x), self.run
+        run.time = t
+
+        def renew() -> None:
+            self.kinematics.renew(renewed())
+
+        def tell() -> None:
+            happened(self._happened(t))
+
+        self._judged(t, lambda: run.settle(before, x, renew, tell, settle))
+        return x
+
     def _take(self, name: str, t: float, x: Array, *arguments: object) -> tuple[Array, list[Event]]:
         moved, run = np.array(x), self.run
         run.time = t
+        self._judged(t, lambda: run.call(name, t, moved, *arguments))
+        return moved, self._happened(t)
+
+    def _judged(self, t: float, call: Callable[[], int]) -> None:
+        """Make a call; say by `Stopped` why there is no way."""
+        run = self.run
         try:
-            status = run.call(name, t, moved, *arguments)
+            status = call()
         except Contradiction as contradiction:
             names = ", ".join(dict.fromkeys(self.laws[k][0] for k in contradiction.laws.tolist()))
             reason = f"the laws of {names} contradict each other at t = {t:.6g} s: {contradiction}"
             raise Stopped(Status.CONTRADICTION, reason) from None
-        if status == OVERLAPS:
-            (k,) = np.flatnonzero(run.laws).tolist()
-            name, laws = self.laws[k]
-            reason = f"the gap of '{name}' is negative, {run.gap(k):.6g}, at t = {t:.6g} s"
-            hint = f"it may be zero or positive: start values of positions move the parts that meet in '{name}' apart"
-            raise Stopped(Status.CONTRADICTION, reason, self.parts[laws.part].span, hint)
+        if status == NO_END:
+            raise Stopped(Status.UNSETTLED, f"laws and events change each other again and again at t = {t:g} s")
         if status == CHATTERS:
             names = self._names(run.laws)
             raise Stopped(Status.CHATTERING, f"the laws of {names} open and close without end at t = {t:.6g} s")
+        if status:
+            (k,) = np.flatnonzero(run.laws).tolist()
+            (name, laws), gap = self.laws[k], run.gap(k)
+            if status == GAP_JUMPS:
+                reason = f"the gap of '{name}', which is closed, jumps to {gap:.6g} at t = {t:.6g} s"
+                raise Stopped(Status.CONTRADICTION, f"{reason} (give a ramp of finite length instead of a step)")
+            reason = f"the gap of '{name}' is negative, {gap:.6g}, at t = {t:.6g} s"
+            hint = f"it may be zero or positive: start values of positions move the parts that meet in '{name}' apart"
+            raise Stopped(Status.CONTRADICTION, reason, self.parts[laws.part].span, hint)
+
+    def _happened(self, t: float) -> list[Event]:
+        """Take what C has found; return it as events."""
+        run = self.run
         if run.undecided.any():
             self.undecided.append((t, [self.laws[k][0] for k in np.flatnonzero(run.undecided).tolist()]))
         self._mode = run.mode
-        return moved, self._events()
+        return self._events()
 
     def _events(self) -> list[Event]:
         run, events = self.run, []

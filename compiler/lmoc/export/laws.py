@@ -1,0 +1,126 @@
+"""What an FMU needs to know of laws: tapes of their quantities with all laws open, and tables of registers.
+
+The quantities are those of the switched form with all laws open: the forces are given from outside there, and its
+implicit blocks leave nothing of the laws but a unit matrix. So an FMU has one set of registers for what moves and for
+what decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lmoc.ir.law import JENKINS, NONE
+from lmoc.ir.mode import law_names
+from lmoc.ir.program import Solve, unfilled, walk
+from lmoc.lower.tape import Tape
+from lmoc.numerics.laws.free_dynamics import FreeDynamics, free_dynamics
+from lmoc.numerics.laws.instant import ContactKinematics, LawTable
+from lmoc.numerics.laws.reading import reading_registers
+from lmoc.numerics.observe.trajectory import Trajectory
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.signals.signals import Signal
+from lmoc.support.records import dataclass
+
+_SAMPLES = 40  # places of a run at which the rounding of levels is bounded
+
+
+@dataclass(frozen=True, eq=False)
+class LawTables:
+    """The laws of a scene as an FMU holds them (``fmu_laws`` in ``export/c/fmu.h``), an entry for each law.
+
+    Attributes
+    ----------
+    table : LawTable
+    curved, linear, position : as of ``lmoc_law_run``
+    by_force, by_state : Tape
+    given : registers that these read and that parameters, inputs and events fill
+    entries : (2,) where their derivatives stand in their matrices
+    quantity, known : (5, n) registers of the quantities; variables of those that are parameters, -1 for none
+    restitution : variables, -1 for none
+    inputs, held : (3, n), (states,) registers of the mode, -1 for none
+    read : (4, n) registers that show the end of a mode
+    noise : what levels are by rounding alone
+    texts : names of the laws, of what closes and what opens them
+    """
+
+    table: LawTable
+    curved: np.ndarray
+    linear: np.ndarray
+    position: np.ndarray
+    by_force: Tape
+    by_state: Tape
+    given: np.ndarray
+    entries: tuple[np.ndarray, np.ndarray]
+    quantity: np.ndarray
+    known: np.ndarray
+    restitution: np.ndarray
+    inputs: np.ndarray
+    held: np.ndarray
+    read: np.ndarray
+    noise: np.ndarray
+    texts: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
+
+    @property
+    def indicator_texts(self) -> tuple[str, ...]:
+        """What each event indicator of the laws tells of."""
+        names = self.texts[0]
+        return tuple(f"{what} of {name}" for what in ("the law", "the lower limit of the force") for name in names)
+
+
+def why_not(plan: Plan) -> str:
+    """Return why an FMU cannot have the laws of a plan; empty where it can."""
+    form, flat = plan.reduced.switched, plan.reduced.flat
+    if form is None:
+        return ""
+    names = law_names(flat, form.laws)
+    jenkins = [name for name, degree in zip(names, form.degree, strict=True) if degree == JENKINS]
+    if jenkins:
+        return f"'{jenkins[0]}' is a friction between springs, without a mass or a damper beside it"
+    nonlinear = any(isinstance(s, Solve) and not s.linear for s in walk(plan.full_program))
+    if nonlinear or plan.reduced.constraints is not None:
+        return f"it has laws ('{names[0]}') beside closed loops or other equations that are solved by iteration"
+    return ""
+
+
+def law_tables(plan: Plan, values: np.ndarray, signals: Mapping[int, Signal], run: Trajectory) -> LawTables:
+    """Return the laws of a plan, which `why_not` does not refuse.
+
+    Parameters
+    ----------
+    values : (flat.count,) of parameters
+    run : in which the rounding of levels is looked at
+    """
+    reduced, form = plan.reduced, plan.reduced.switched
+    assert form is not None
+    kinematics = ContactKinematics(plan, values, plan.base(values, signals), signals)
+    scene, own = free_dynamics(plan, signals), FreeDynamics(plan, signals, own=False)
+    tapes, (force_entry, state_entry, _, quantity) = own.tapes, own.tables
+    wanted = np.concatenate([own.values, own.outputs, own.motions]).astype(int)
+    parameters = own.quantities.known_variables(plan)
+    inputs = np.stack([_registers(plan, v) for v in (form.closed, form.push, form.direction)])
+    given = unfilled(own.program, wanted, plan.count)
+    given = given[~np.isin(given, np.concatenate([inputs.ravel(), plan.held, plan.states]))]
+    restitution = [np.full(g.rows, NONE) if g.restitution is None else g.restitution for g in form.laws]
+    ways = [[(g.closing, g.opening)] * g.rows for g in form.laws]
+    closings, openings = zip(*(pair for rows in ways for pair in rows), strict=True)
+    return LawTables(
+        kinematics.table, scene.curved, scene.linear[1], plan.held < 0, *tapes, given, (force_entry, state_entry),
+        quantity, parameters, np.concatenate(restitution), inputs, plan.held, reading_registers(kinematics),
+        _noise(kinematics, run), (tuple(law_names(reduced.flat, form.laws)), closings, openings),
+    )  # fmt: skip
+
+
+def _registers(plan: Plan, variables: np.ndarray) -> np.ndarray:
+    return np.where(variables == NONE, NONE, plan.reduced.register_of[variables])
+
+
+def _noise(kinematics: ContactKinematics, run: Trajectory) -> np.ndarray:
+    """Return bounds of what levels are by rounding alone, along a run."""
+    found = np.zeros(kinematics.form.count)
+    count = len(kinematics.plan.states)
+    places = [(float(t), x) for s in run.segments for t, x in zip(s.time, s.table[:, :count], strict=True)]
+    for t, x in places[:: max(1, len(places) // _SAMPLES)]:
+        found = np.maximum(found, kinematics.noise_at(t, x))
+    return found

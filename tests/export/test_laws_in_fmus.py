@@ -1,0 +1,166 @@
+"""FMUs of scenes with laws: impacts, sticking, release as in `simulate`, with the same events in the same order."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from oracles.fmu import begin, instance, simulated
+
+import lmoc
+from lmoc.export.fmu import find_compiler
+
+fmpy = pytest.importorskip("fmpy")
+pytestmark = pytest.mark.skipif(find_compiler() is None, reason="there is no C compiler")
+
+MODELS = Path(__file__).parents[2] / "models/laws"
+SLIDER = """
+model Slider "a block that breaks away, slides against a stop, and whose pull is switched off"
+  parameter Real mu(unit = "N") = 2;
+  output Real x(unit = "m") = m.q, v(unit = "m/s") = m.v;
+  output Integer n(start = 0, fixed = true);
+  Boolean on = time < 1.5;
+  Fixed wall;
+  Mass m(m = 1, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  DryFriction f(F = mu, Fstick = 1.5*mu);
+  Stop s(L = -1, e = 0.5);
+  Force pull(f = if on then 4*time else 0);
+equation
+  connect(wall.flange, f.a); connect(f.b, m.flange);
+  connect(m.flange, s.a); connect(s.b, wall.flange);
+  connect(pull.flange, m.flange);
+  when x > 0.5 then n = pre(n) + 1; end when;
+  annotation(experiment(StopTime = 2));
+end Slider;
+"""
+BALL = """
+model Ball "a ball on a floor"
+  parameter Real e = 0.7;
+  output Real h(unit = "m") = b.q;
+  Fixed floor;
+  Mass b(m = 1, g = -9.81, q(start = 1, fixed = true), v(start = 0, fixed = true));
+  Stop s(L = 0, e = e);
+equation
+  connect(floor.flange, s.a); connect(s.b, b.flange);
+  annotation(experiment(StopTime = 3));
+end Ball;
+"""
+SPRINGS = """
+model Springs "friction between springs"
+  Fixed wall; Motion hand(q = sin(time)); Spring a(k = 10), b(k = 20); DryFriction f(F = 1);
+equation
+  connect(wall.flange, a.a); connect(a.b, f.b); connect(wall.flange, f.a);
+  connect(a.b, b.a); connect(b.b, hand.flange);
+end Springs;
+"""
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Scenes with laws, and their FMUs."""
+    folder, found = tmp_path_factory.mktemp("fmu"), {}
+    for text, fmi in ((SLIDER, 3), (BALL, 2)):
+        dae = lmoc.compile_text(text)
+        found[dae.name] = dae, dae.export(folder / f"{dae.name}.fmu", fmi=fmi).path
+    return found
+
+
+def told(path: Path, end: float, steps: int) -> tuple[object, dict[str, int], list[tuple[str, ...]]]:
+    """A co-simulation at its end, and what it has told of events: (law, kind), in order."""
+    lines: list[bytes] = []
+    fmu, references = instance(path, debug_logging=True, logger=lambda *given: lines.append(given[-1]))
+    begin(fmu, hasattr(fmu, "enterStepMode"))
+    for k in range(steps):
+        fmu.doStep(currentCommunicationPoint=k * end / steps, communicationStepSize=end / steps)
+    found = [re.match(r"t = \S+ s: (.*): (.*), impulse", line.decode()) for line in lines]
+    return fmu, references, [match.groups() for match in found if match]
+
+
+def of_laws(run) -> list[tuple[str, str]]:
+    return [(e.name, e.kind) for e in run.events if e.kind not in ("when", "time", "relation", "change")]
+
+
+@pytest.mark.parametrize("steps", [10, 1000])
+def test_what_happens_is_what_happens_in_a_run(made, steps: int) -> None:
+    """Break away, hit, bounce, with a counter and a switch of events beside the laws."""
+    dae, path = made["Slider"]
+    run = dae.simulate(rtol=1e-9)
+    fmu, references, events = told(path, 2.0, steps)
+    assert events == of_laws(run) and {kind for _, kind in events} >= {"slip", "impact"}
+    values = fmu.getFloat64([references[name] for name in ("x", "v")])
+    assert values == pytest.approx([run["x"][-1], run["v"][-1]], abs=1e-5)
+    assert fmu.getInt32([references["n"]]) == [run["n"][-1]]
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+@pytest.mark.parametrize("kind", ["ModelExchange", "CoSimulation"])
+@pytest.mark.parametrize("name", ["Slider", "Ball"])
+def test_the_motion_is_that_of_simulate(made, name: str, kind: str) -> None:
+    from fmpy.validation import validate_fmu
+
+    dae, path = made[name]
+    assert validate_fmu(str(path)) == []
+    run = dae.simulate(points=31, rtol=1e-9)
+    within = 1e-4 if kind == "ModelExchange" else 1e-5  # where bounces end follows from the tolerance
+    found = simulated(
+        path, fmi_type=kind, stop_time=run.time[-1], relative_tolerance=1e-8 if kind == "ModelExchange" else 1e-6,
+        output_interval=run.time[1], output=list(dae.outputs), record_events=False,
+    )  # fmt: skip
+    own = found[np.searchsorted(found["time"], run.time - 1e-9)]
+    for output in dae.outputs:
+        assert np.abs(own[output] - run[output]).max() <= within * max(np.abs(run[output]).max(), 1e-3), output
+
+
+def test_a_ball_bounces_by_the_quotients_of_its_restitution(made) -> None:
+    """It comes down after √(2/g), and bounces end at √(2/g)·(1 + 2·Σ eᵏ): with e = 0.5, set in the FMU, at 1.355 s."""
+    _, path = made["Ball"]
+    end = np.sqrt(2 / 9.81) * (1 + 2 * 0.5 / 0.5)
+    found = simulated(
+        path, fmi_type="CoSimulation", stop_time=3.0, output_interval=0.01, start_values={"e": 0.5}, output=["h"]
+    )
+    t, h = found["time"], found["h"]
+    assert (h[t > end + 1e-6] == 0.0).all() and (h[(t < end - 0.02)] >= 0.0).all()
+    top = h[(t > np.sqrt(2 / 9.81)) & (t < end)].max()
+    assert top == pytest.approx(0.25, abs=1e-4)
+
+
+def test_a_saved_state_goes_on_to_the_bit(made) -> None:
+    """Saved between two bounces, serialized, and restored after the ball has come to rest."""
+    _, path = made["Ball"]
+    fmu, references, _ = told(path, 0.9, 9)
+    state = fmu.getFMUstate()
+    bits = fmu.serializeFMUState(state)
+    ends = []
+    for _ in range(2):
+        for k in range(5):
+            fmu.doStep(currentCommunicationPoint=0.9 + 0.1 * k, communicationStepSize=0.1)
+        ends.append(fmu.getReal([references["h"], references["b.v"]]))
+        fmu.setFMUstate(fmu.deSerializeFMUstate(bits))
+    assert ends[0] == ends[1] and ends[0][0] > 0
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+def test_what_is_closed_stays_closed_in_the_plane(tmp_path) -> None:
+    """The gap of a string in the plane is not linear in the states; a gear is shifted by events."""
+    for name in ("h07_ball_on_string", "gear_shift"):
+        dae = lmoc.compile(MODELS / f"{name}.lmo")
+        run = dae.simulate(rtol=1e-9)
+        path = dae.export(tmp_path / f"{name}.fmu", type="cs").path
+        fmu, references, events = told(path, float(run.time[-1]), 7)
+        assert events == of_laws(run)
+        values = fmu.getFloat64([references[n] for n in dae.states if n in references])
+        assert values == pytest.approx([run[n][-1] for n in dae.states if n in references], abs=2e-5)
+        fmu.terminate()
+        fmu.freeInstance()
+
+
+def test_friction_between_springs_is_refused_by_name(tmp_path) -> None:
+    with pytest.raises(lmoc.ModelError) as caught:
+        lmoc.compile_text(SPRINGS).export(tmp_path / "scene.fmu")
+    (found,) = caught.value.diagnostics
+    assert found.code == "E0669" and "'f' is a friction between springs" in found.message
+    assert not list(tmp_path.iterdir())
