@@ -281,8 +281,10 @@ def _balance(body: Element, at: Mapping[int, list[tuple[Element, Port]]], laws: 
             forces += _forces(element, other, laws, forms, port)
     mass = laws.parameter(graph, body, _inertia_name(port))
     inertia = sp.Add(*inertial)
-    if mass is None:
-        mass = slope(inertia, next(iter(sorted(inertia.free_symbols, key=str))))
+    kinematics = laws.laws.kinematics
+    acceleration = kinematics.rate(kinematics.rate(kinematics.value(port.potentials[0])))
+    if mass is None or sp.expand(inertia - mass * acceleration) != 0:  # of several bodies, or off the axis of a shaft
+        mass = sp.cancel(inertia / acceleration) if acceleration != 0 else sp.S.Zero
     turns = port.domain == "shaft"
     levers = [(e, hinge) for e, hinge in around if turns and e.symbol in LEVERS]
     points = [p for e, hinge in levers for p in _points(e, hinge, at, laws, forms, port)]

@@ -53,7 +53,7 @@ def spring(part: str, a: Anchor, b: Anchor, symbol: str = "spring", variables: d
     """A zigzag between two straight ends."""
     length = _length(a, b)
     lead = min(LEAD, length / 5)
-    turns = max(3, min(7, round((length - 2 * lead) / 9)))
+    turns = max(3, min(7, round((length - 2 * lead) / 9)), round((length - 2 * lead) / 16))
     n = 4 * turns
     middle = []
     for k in range(1, n, 2):
