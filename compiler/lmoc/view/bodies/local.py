@@ -15,6 +15,7 @@ from lmoc.symbolic.names import base_of
 from lmoc.symbolic.system import jet_symbol
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.names import Names
+from lmoc.view.scene.strip import BODIES
 
 if TYPE_CHECKING:
     import sympy
@@ -63,7 +64,9 @@ class LocalForms:
         here = [(e, p) for e in graph.elements for p in e.ports if p.node == port.node]
         states = [graph.variable(e, name) for e, _ in here for name in ("q", "theta")]
         variables = [*(v for v in states if v is not None), *(p.potentials[0] for _, p in here)]
-        return graph.flat.variable_name(next((v for v in variables if self.names.own(v)), port.potentials[0]))
+        bodies = [graph.variable(e, name) for e, _ in here if e.symbol in BODIES for name in ("q", "theta")]
+        named = next((v for v in bodies if v is not None), port.potentials[0])
+        return graph.flat.variable_name(next((v for v in variables if self.names.own(v)), named))
 
     def _parameters(self, element: Element) -> list[tuple[sympy.Symbol, sympy.Expr]]:
         """The model's own parameters that a part is given, where the model binds them to a formula of others."""
