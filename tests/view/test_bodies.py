@@ -331,3 +331,16 @@ def test_forces_without_formulas_are_numbers_and_add_up_to_mass_times_accelerati
         assert any(f"= {value:.4g}".replace("-", "−") in text for text in written), (value, written)
     assert ("start" in drawing.picture.title) == (time is None)
     assert "no solution in closed form" in drawing.picture.notes[0]
+
+
+def test_all_that_turns_with_a_shaft_is_in_its_balance():
+    """A weight on an arm has no J of its own, and two inertias on one shaft turn together."""
+    start = "shaft.theta(start = 1)"
+    swinging = f"""model M parameter Real m = 2, l = 0.5; GravityLever bob(m = m, l = l, {start}); Torque push(tau = 1);
+      equation connect(push.shaft, bob.shaft); end M;"""
+    joined = """model M parameter Real J1 = 1, J2 = 2, k = 3; Inertia a(J = J1), b(J = J2); TorsionSpring s(k = k);
+      FixedShaft w; equation connect(a.shaft, b.shaft); connect(b.shaft, s.b); connect(s.a, w.shaft); end M;"""
+    for text, left in ((swinging, "m·l^{2}·θ̈ ="), (joined, "(J_{1} + J_{2})·θ̈ =")):
+        picture = lmoc.compile_text(text).draw(free_body=True).picture
+        texts = [s.text for i in picture.items for s in i.shapes if hasattr(s, "text")]
+        assert any(t.startswith(left) for t in texts), texts

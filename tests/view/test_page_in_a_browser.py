@@ -272,6 +272,30 @@ def test_a_mass_on_a_string_is_dragged_no_farther_than_the_string_is_long():
     assert found["back"]["body.q"] < 1
 
 
+def test_a_cam_that_is_turned_lifts_its_follower_and_what_cannot_move_is_told():
+    """The follower is pushed along a curve, and stays up where the cam turns back; what is prescribed stays so."""
+    dae = lmoc.compile(MODELS / "textbook" / "valve_train.lmo")
+    seen = open_page(dae.simulate().view().html, FACTS + DRAG + """
+      await drag("#stage .cam path", 40, 12, [0.5, 0.95]);
+      const begun = init(), trouble = $("trouble").textContent;
+      const svg = document.querySelector("#stage svg"), b = box("#stage .cam path");
+      const send = (type, k) => svg.dispatchEvent(new PointerEvent(type, {
+        bubbles: true, clientX: b.left + 9, clientY: b.top + b.height / 2 - k, button: 0, buttons: 1, pointerId: 1 }));
+      $("play").click();
+      await frames(4);
+      send("pointerdown", 0);
+      for (let k = 1; k < 9; k++) { send("pointermove", 4 * k); await frames(1); }
+      send("pointerup", 36);
+      await frames(2); await idle();
+      return { init: begun, trouble, told: $("trouble").textContent };
+    """)  # fmt: skip
+    found = seen.answer
+    assert seen.console == [] and found["trouble"] == "" and "cam does not give way to a pull" in found["told"]
+    run = dae.simulate(initial=found["init"], times=[0, 1e-4])
+    assert abs(found["init"]["drive.theta"]) > 0.3 and run["valve.q"][0] > 2e-4
+    assert -1e-11 < run["gap"][0] < 1e-4
+
+
 def test_events_are_walked_through_and_a_part_shows_its_equation():
     run = lmoc.compile(MODELS / "laws" / "h06_bungee.lmo").simulate()
     seen = open_page(run.view().html, FACTS + """

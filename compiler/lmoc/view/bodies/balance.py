@@ -283,7 +283,8 @@ def _balance(body: Element, at: Mapping[int, list[tuple[Element, Port]]], laws: 
     inertia = sp.Add(*inertial)
     kinematics = laws.laws.kinematics
     acceleration = kinematics.rate(kinematics.rate(kinematics.value(port.potentials[0])))
-    if mass is None or sp.expand(inertia - mass * acceleration) != 0:  # of several bodies, or off the axis of a shaft
+    whole = mass is not None and (inertia == 0 or sp.expand(inertia - mass * acceleration) == 0)
+    if not whole:  # several bodies, or one off the axis of its shaft
         mass = sp.cancel(inertia / acceleration) if acceleration != 0 else sp.S.Zero
     turns = port.domain == "shaft"
     levers = [(e, hinge) for e, hinge in around if turns and e.symbol in LEVERS]

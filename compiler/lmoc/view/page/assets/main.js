@@ -369,6 +369,7 @@ class Page {
     const vertex = motion.vertex(item, place, this.places(player.t));
     const { names, references, extremes } = motion;
     this.dragged = { item: k, vertex, motion: { names, references, extremes } };
+    this.before = JSON.stringify(this.init);
     this.stage.parts[k].group.classList.add("held");
     if (pulls) this.grab(place);
     return true;
@@ -377,7 +378,7 @@ class Page {
   /** Begin to pull. */
   grab(place) {
     const { times, init, pulls, player, engine, dragged } = this;
-    this.pulling = { to: place };
+    this.pulling = { to: place, from: player.t };
     const setup = { times, values: { ...this.sliders.values }, initial: init, pulls, t: player.t, speed: player.speed };
     engine.ask("grab", { ...dragged, ...setup });
   }
@@ -388,8 +389,9 @@ class Page {
       pulling.to = to;
       return;
     }
-    const found = await engine.ask("reach", { ...dragged, to, values: { ...this.sliders.values }, initial: this.init });
-    if (found === null || this.dragged === null) return;
+    const asked = { ...dragged, to, values: { ...this.sliders.values }, initial: this.init };
+    const found = await engine.ask("reach", asked).catch(({ message }) => this.sayHeld(`The scene does not go there: ${message}.`));
+    if (!found || this.dragged === null) return;
     this.init = found.initial;
     this.stage.show(this.motion, found.places);
     this.starts.put(this.init, (name) => found.states[name]);
@@ -405,10 +407,13 @@ class Page {
   }
 
   async drop() {
-    this.stage.parts[this.dragged.item].group.classList.remove("held");
+    const { pulling, dragged } = this;
+    const part = this.data.picture.items[dragged.item].part || "this";
+    this.stage.parts[dragged.item].group.classList.remove("held");
     this.dragged = null;
-    if (this.pulling === null) {
-      this.simulate();
+    if (pulling === null) {
+      await this.simulate();
+      if (JSON.stringify(this.init) === this.before) this.sayHeld(`${part} has no other place at the start: the scene holds it there.`);
       return;
     }
     const serial = ++this.serial;
@@ -418,7 +423,14 @@ class Page {
     if (found === null || serial !== this.serial) return;
     this.pulls = found.pulls;
     this.putAnswer(revived(found), true);
+    const gives = found.pulls.some(([t, , [stiffness]]) => t >= pulling.from && stiffness > 0);
+    if (!gives) this.sayHeld(`${part} does not give way to a pull: the scene holds it, or prescribes how it moves.`);
     this.findAccuracy({ times: this.times, values: { ...this.sliders.values }, initial: this.init, pulls: this.pulls });
+  }
+
+  /** Say why nothing has happened, where nothing else is to be said. */
+  sayHeld(text) {
+    if ($("trouble").textContent === "") $("trouble").textContent = text;
   }
 
   // ---------------------------------------------------------------- showing

@@ -8,7 +8,8 @@ const NEAR_ENOUGH = 1e-3; // px
 const RANK = 1e-9; // of the largest singular value: a point that cannot go that way stays
 const FIRM = 1e4; // weight of a gap against pixels
 const SHORTENED = 12;
-const MISSED_GAP = 1e-9; // by which a gap may be missed
+const MISSED_GAP = 1e-12; // by which a gap may be missed: a start whose gaps are negative by more is refused
+const RESTORED = 6; // times that a step is brought back onto gaps that curve away from it
 
 /**
  * States near `x` at which `point(w)`, [x, y] in pixels, is as near to a place `to` as gaps of laws allow.
@@ -26,8 +27,18 @@ export function reach(scene, x, point, to) {
     return { miss: [to[0] - px, to[1] - py], gap: gaps.map((register) => w[register]) };
   };
   const first = measure(x);
-  const least = first.gap.map((gap) => Math.min(gap, 0) - MISSED_GAP);
-  const allowed = ({ gap }) => gap.every((g, k) => g >= least[k]);
+  const least = first.gap.map((gap) => Math.min(gap, 0));
+  const allowed = ({ gap }) => gap.every((g, k) => g >= least[k] - MISSED_GAP);
+  const restored = (start, columns) => {
+    const state = Float64Array.from(start);
+    for (let k = 0; ; k++) {
+      const there = measure(state);
+      if (k === RESTORED || allowed(there)) return [state, there];
+      const short = there.gap.flatMap((gap, i) => (gap < least[i] ? [i] : []));
+      const rows = short.map((i) => columns.map((c) => c.gap[i]));
+      leastSquares(rows, short.map((i) => least[i] - there.gap[i]), RANK).forEach((v, i) => (state[columns[i].j] += v));
+    }
+  };
   let [state, now] = [Float64Array.from(x), first];
   let counting = Array.from(x, (_, j) => j); // states that the point or a gap depends on: only they are looked at again
   for (let round = 0; round < REACHING_ROUNDS && distance(now.miss) > NEAR_ENOUGH; round++) {
@@ -38,8 +49,7 @@ export function reach(scene, x, point, to) {
     direction(columns, now).forEach((v, k) => (step[counting[k]] = v));
     let better = null;
     for (let k = 0, share = 1; k < SHORTENED && better === null; k++, share /= 2) {
-      const next = state.map((v, j) => v + share * step[j]);
-      const there = measure(next);
+      const [next, there] = restored(state.map((v, j) => v + share * step[j]), columns);
       if (allowed(there) && distance(there.miss) < distance(now.miss)) better = [next, there];
     }
     if (better === null) break;
