@@ -18,8 +18,10 @@ BUILT, DIGEST = ASSETS / "engine.wasm", ASSETS / "engine.sha256"
 SOURCES = (
     "page", "page_memory", "bytes", "tape", "blocks", "dense", "newton", "lu", "lu_order", "evaluate", "dop853", "walk",
     "first_step", "roots", "crossing", "page_events", "beside", "instant", "relations", "trials", "hops",
+    "page_laws", "law_run", "free_dynamics", "transition", "strike", "project", "switching", "manifold", "mode",
+    "impact", "impact_order", "complementarity", "cones",
 )  # fmt: skip
-FLAGS = ("-O2", "-std=c11", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing")  # equal bits everywhere
+FLAGS = ("-Os", "-std=c11", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing")  # equal bits everywhere
 _INCLUDE = re.compile(r'^#include "(\w+\.h)"', re.MULTILINE)
 _EXPORTED = re.compile(r"\b(lmoc_page_\w+)\(")
 

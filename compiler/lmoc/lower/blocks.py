@@ -24,14 +24,17 @@ def values_tape(program: Program, registers: int, taken: int = 0) -> Tape:
     return writer.finish()
 
 
-def derivatives_tape(program: Program, rule: ChainRule, registers: int, values: bool = False) -> Tape:
+def derivatives_tape(
+    program: Program, rule: ChainRule, registers: int, values: bool = False, taken: int = 0
+) -> Tape:
     """Write the derivatives of a program as a tape; its results are the entries in the order of `rule.rows`.
 
     Parameters
     ----------
     values : whether it computes the registers as well, else they are as the program has left them
+    taken : as of `Writer`
     """
-    writer = Writer(registers)
+    writer = Writer(registers, taken)
     found = Derivatives(writer, rule)
     write_derivatives(found, program, Ahead(rule), values, write_solve)
     return writer.finish(found.results)

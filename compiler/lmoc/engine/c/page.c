@@ -125,6 +125,7 @@ lmoc_page *lmoc_page_new(const uint8_t *bytes, int size) {
   read_method(p, &b);
   read_programs(p, &b);
   lmoc_page_read_events(p, &b);
+  lmoc_page_read_laws(p, &b);
   if (b.failed || p->right >= p->program_count || !make_room(p) || !lmoc_page_reserve(RESERVE)) return 0;
   for (int64_t k = 0; k < p->program_count; k++) lmoc_put_constants(&p->programs[k].program, p->w);
   p->events.instant.v = p->events.instant.line = p->w;

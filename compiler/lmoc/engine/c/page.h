@@ -92,4 +92,24 @@ void lmoc_page_sides(lmoc_page *p, double *out);
 void lmoc_page_edge_values(lmoc_page *p, double time, double *out);
 void lmoc_page_followed(lmoc_page *p);
 
+/* Laws. Registers with all of them open, and as the mode that holds says; what happens is 0 or why there is no way, as of
+   `law_run.h`, and the answer is the state behind it. The host writes which root functions vanish, (2 laws,). */
+void lmoc_page_begin_laws(lmoc_page *p, double moment);
+void lmoc_page_open(lmoc_page *p);
+void lmoc_page_hold(lmoc_page *p);
+double *lmoc_page_errors(lmoc_page *p);
+int lmoc_page_start_laws(lmoc_page *p, double time);
+uint8_t *lmoc_page_vanishing(lmoc_page *p);
+int lmoc_page_laws_happen(lmoc_page *p, double time, int jumped);
+int lmoc_page_laws_drift(const lmoc_page *p);
+int lmoc_page_keep(lmoc_page *p, double time, double share);
+
+/* Root functions from the state on, how many; their values for a state. */
+int lmoc_page_watch_laws(lmoc_page *p, double time);
+void lmoc_page_law_values(lmoc_page *p, double time, double *out);
+
+/* A number of a law: closed, implied, direction, push; kind, when, impulse, lost, was, is of what has happened last; whether
+   it contradicts others; its gap; the law of impacts; whether it is a complementarity. */
+double lmoc_page_law(const lmoc_page *p, int k, int which);
+
 #endif

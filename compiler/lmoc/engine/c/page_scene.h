@@ -4,7 +4,9 @@
 #define LMOC_PAGE_SCENE_H
 
 #include "beside.h"
+#include "free_dynamics.h"
 #include "hops.h"
+#include "law_run.h"
 #include "page.h"
 #include "roots.h"
 
@@ -29,6 +31,18 @@ typedef struct {
   double *work, *noise, *which, *turn, *before, *at;
 } page_events;
 
+/* Its laws. */
+typedef struct {
+  lmoc_law_run run;
+  lmoc_free_dynamics free;
+  int64_t by_force, roots;            /* programs: the quantities with their derivatives; what ends a mode */
+  const lmoc_flag *limited;           /* (n,) whose sticking limits are parameters */
+  const int32_t *restitution_of, *closed, *push, *direction, *held; /* registers; -1: none */
+  const int32_t *read;                /* (4 n,) of motions, rates, forces, sticking limits */
+  double *inputs, *restitution, *errors, *unresolved, *known, *values, *limits;
+  lmoc_flag *which;
+} page_laws;
+
 struct lmoc_page {
   scene_program *programs;
   curve *curves;
@@ -45,9 +59,11 @@ struct lmoc_page {
   lmoc_step_hook hook;
   lmoc_finder finder;
   page_events events;
+  page_laws laws;
 };
 
 /* Read the events behind the programs (`page_events.c`). */
 void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b);
+void lmoc_page_read_laws(lmoc_page *p, lmoc_bytes *b);      /* … and the laws behind them (`page_laws.c`) */
 
 #endif

@@ -7,70 +7,57 @@ from typing import Any
 
 import numpy as np
 
+from lmoc.ir.flat import Kind
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
 from lmoc.ir.mode import law_names, law_rows, mode_word
 from lmoc.ir.program import Program, needed_steps
-from lmoc.numerics.laws.free_dynamics import free_dynamics, limits_of
+from lmoc.numerics.laws.free_dynamics import free_dynamics, quantities_of
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
+from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.support.records import dataclass
 from lmoc.view.javascript.registers import VariableRegisters
-from lmoc.view.javascript.tangent import tangent
+
+
+@dataclass(frozen=True, eq=False)
+class LawTables:
+    """What the engine reads of laws (``engine/c/page_laws.c``).
+
+    Attributes
+    ----------
+    program : their quantities with all of them open, and the rates of the states
+    by_force, by_state : its derivatives; where they stand in the matrices of ``lmoc_free_dynamics``
+    single : register of the stored energy, which states of the ledger are work and heat
+    tables : in the order in which they are read
+    """
+
+    program: Program
+    by_force: Jacobian
+    by_state: Jacobian
+    entries: tuple[np.ndarray, np.ndarray]
+    single: tuple[int, int, int]
+    tables: tuple[np.ndarray, ...]
+
+    @property
+    def registers(self) -> tuple[np.ndarray, ...]:
+        """Return the tables of what may be parameters: restitution, and the quantities."""
+        return self.tables[11], self.tables[12]
 
 
 def write_laws(
     plan: Plan, signals: Mapping[int, Signal], places: VariableRegisters
-) -> tuple[dict[str, Program], dict[str, Any]]:
-    """Return the programs of the laws, and what `instant.js` and `switching.js` read."""
+) -> tuple[dict[str, Program], dict[str, Any], LawTables]:
+    """Return the program of what ends a mode, what `switching.js` reads, and what the engine does."""
     form, flat = plan.reduced.switched, plan.reduced.flat
     assert form is not None
-    of, register = places.of_variables, plan.reduced.register_of
-    slip, stick = limits_of(form)
-    named = {"gap": form.gap, "rate": form.rate, "level": form.level, "slip": slip, "stick": stick}
-    found = {name: of(variables) for name, variables in named.items()}
-    force, push = register[form.force], register[form.push]
-    stored = _single(plan, "ledger.stored")
-    motions = [found[name][found[name] >= 0] for name in found]
-    wanted = np.concatenate([*motions, force, plan.derivatives, [stored]]).astype(int)
-    kinematics = needed_steps(plan.full_program, _own(wanted, plan), plan.count)
-    by_force = tangent(kinematics, push, plan.count, places)
-    moving = _own(np.concatenate(motions[:2]), plan)
-    by_state = tangent(needed_steps(plan.full_program, moving, plan.count), plan.states, plan.count, places)
-    judged = np.concatenate([*motions[:2], motions[4], force])
-    roots = needed_steps(plan.full_program, _own(judged, plan), plan.count)
-
-    def slopes(of: np.ndarray, registers: np.ndarray) -> list[int]:
-        inside = (registers >= 0) & (registers < plan.count)
-        return np.where(inside, of[np.where(inside, registers, 0)], -1).tolist()
-
-    scene = free_dynamics(plan, signals)
-    kinds = np.array([g.kind.value for g in form.laws for _ in range(g.rows)])
     rows = law_rows(flat, form.laws)
-    data: dict[str, Any] = {name: registers.tolist() for name, registers in found.items()}
-    data |= {
-        "force": force.tolist(),
-        "push": push.tolist(),
-        "closed": register[form.closed].tolist(),
-        "direction": np.where(form.direction == NONE, -1, register[form.direction]).tolist(),
-        "degree": form.degree.tolist(),
-        "held": plan.held.tolist(),
-        "linearRates": scene.linear[1].tolist(),
-        "curvedGaps": scene.curved[0].tolist(),
-        "curvedRates": scene.curved[1].tolist(),
-        "unilateral": (kinds == LawKind.UNILATERAL.value).tolist(),
-        "complementary": np.isin(kinds, [k.value for k in COMPLEMENTARY]).tolist(),
-        "dry": (kinds == LawKind.DRY_FRICTION.value).tolist(),
-        "contact": (kinds == LawKind.CONTACT_FRICTION.value).tolist(),
-        "normal": _normal(form),
-        "restitution": of(_restitution(form)).tolist(),
-        "stateSeeds": by_state.seeds.tolist(),
-        "pushSeeds": by_force.seeds.tolist(),
-        "gapTangents": slopes(by_state.of, found["gap"]),
-        "rateTangents": slopes(by_state.of, found["rate"]),
-        "levelTangents": slopes(by_force.of, found["level"]),
-        "derivativeTangents": slopes(by_force.of, plan.derivatives),
-        "stored": stored,
+    found = places.of_variables(quantities_of(plan, form, form.degree).variables.ravel()).reshape(5, -1)
+    gap, rate, _, _, stick = found
+    motion = np.where(gap >= 0, gap, rate)
+    read = np.concatenate([motion, rate, plan.reduced.register_of[form.force], stick])
+    data: dict[str, Any] = {
+        "gap": gap.tolist(),
         "ledger": plan.ledger.tolist(),
-        **ledger_states(plan),
         "names": [name for name, _ in rows],
         "labels": law_names(flat, form.laws),
         "closing": [laws.closing for _, laws in rows],
@@ -78,13 +65,47 @@ def write_laws(
         "closedWords": [mode_word(laws, True) for _, laws in rows],
         "openWords": [mode_word(laws, False) for _, laws in rows],
     }
-    programs = {"kinematics": kinematics, "byForce": by_force.program, "byState": by_state.program, "lawRoots": roots}
-    return programs, data
+    programs = {"lawRoots": needed_steps(plan.full_program, _own(read, plan), plan.count)}
+    return programs, data, _tables(plan, signals, places, found, read)
+
+
+def _tables(
+    plan: Plan, signals: Mapping[int, Signal], places: VariableRegisters, found: np.ndarray, read: np.ndarray
+) -> LawTables:
+    form, register, states = plan.reduced.switched, plan.reduced.register_of, len(plan.states)
+    assert form is not None
+    variables = quantities_of(plan, form, form.degree).variables
+    stored = _single(plan, "ledger.stored")
+    level = np.where(variables[2] == NONE, -1, register[variables[2]])
+    motions = np.where(variables[:2] == NONE, -1, register[variables[:2]])
+    own = np.concatenate([found.ravel(), plan.derivatives, [stored]])
+    program = needed_steps(plan.full_program, _own(own, plan), plan.count)
+    push = register[form.push]
+    by_force = Jacobian(program, push, np.concatenate([level, plan.derivatives]), plan.count)
+    by_state = Jacobian(program, plan.states, motions[motions >= 0], plan.count)
+    entries = (
+        by_force.rows * len(push) + by_force.columns,
+        np.flatnonzero((motions >= 0).ravel())[by_state.rows] * states + by_state.columns,
+    )
+    kinds = np.array([g.kind.value for g in form.laws for _ in range(g.rows)])
+    kind = plan.reduced.flat.kind
+    scene, ledger = free_dynamics(plan, signals), ledger_states(plan)
+    return LawTables(
+        program, by_force, by_state, entries, (stored, ledger["work"], ledger["heat"]),
+        (
+            form.degree, np.array(_normal(form)), kinds == LawKind.UNILATERAL.value,
+            np.isin(kinds, [k.value for k in COMPLEMENTARY]), kinds == LawKind.DRY_FRICTION.value,
+            kinds == LawKind.CONTACT_FRICTION.value, scene.linear[1], scene.curved, plan.held < 0, plan.ledger,
+            (variables[4] != NONE) & (kind[variables[4]] <= Kind.PARAMETER), places.of_variables(_restitution(form)),
+            found, read, register[form.closed], push,
+            np.where(form.direction == NONE, -1, register[form.direction]), plan.held,
+        ),
+    )  # fmt: skip
 
 
 def _own(registers: np.ndarray, plan: Plan) -> np.ndarray:
     """Return those that are registers of the plan."""
-    return registers[(registers >= 0) & (registers < plan.count)]
+    return registers[(registers >= 0) & (registers < plan.count)].astype(int)
 
 
 def ledger_states(plan: Plan) -> dict[str, int]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lmoc.engine.instant import TABLES
 from lmoc.ir.program import Program, Solve, walk
-from lmoc.lower.blocks import values_tape
+from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.packed import Packer
 from lmoc.lower.tape import Tape
 from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
@@ -18,6 +18,7 @@ from lmoc.numerics.evaluate.engine_system import has_branches
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.curves import Curve
 from lmoc.support.records import dataclass
+from lmoc.view.javascript.laws import LawTables
 
 Programs = dict[str, Program | list[Program]]
 Numbers = dict[str, int | list[int]]
@@ -45,6 +46,7 @@ def packed_programs(
     registers: int,
     curves: Sequence[tuple[int, int, Curve]],
     events: InstantTables | None = None,
+    laws: LawTables | None = None,
 ) -> tuple[bytes, Numbers]:
     """Return the programs over registers, and the number of each by its name; ``rhs`` is among them.
 
@@ -65,6 +67,12 @@ def packed_programs(
         name: [write(name, one) for one in own] if isinstance(own, list) else write(name, own)
         for name, own in programs.items()
     }
+    derived = []
+    if laws is not None:
+        for rule in (laws.by_force, laws.by_state):
+            tapes.append(derivatives_tape(laws.program, rule, registers, True, tapes[-1].size))
+            patient.append(patience)
+            derived.append(len(tapes) - 1)
     p = Packer()
     p.each((tapes[-1].size, has_branches(plan), numbers["rhs"]))
     for table in (plan.states, plan.derivatives, unknowns_of(plan)):
@@ -85,6 +93,14 @@ def packed_programs(
         p.each(int(np.asarray(numbers[name])) for name in ("look", "assign", "lines"))
         for table in (events.zeros, events.seen, *(events.columns[name] for name in TABLES)):
             p.integers(table)
+    p.integer(laws is not None)
+    if laws is not None:
+        p.each((*derived, int(np.asarray(numbers["lawRoots"])), *laws.single))
+        for table in laws.tables:
+            p.integers(table)
+        for number, entries in zip(derived, laws.entries, strict=True):
+            p.integers(tapes[number].results)
+            p.integers(entries)
     return p.finish(), numbers
 
 

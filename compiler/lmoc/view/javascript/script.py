@@ -31,7 +31,7 @@ from lmoc.support.records import dataclass
 from lmoc.view.javascript.accuracy import absolute_tolerances, refinement, seeds
 from lmoc.view.javascript.coordinates import pairs, passage, passed, write_constraints
 from lmoc.view.javascript.events import write_events
-from lmoc.view.javascript.laws import write_laws
+from lmoc.view.javascript.laws import LawTables, write_laws
 from lmoc.view.javascript.programs import InstantTables, Programs, packed_programs
 from lmoc.view.javascript.start import start_program
 
@@ -185,11 +185,11 @@ class _Scene:
         start = start_program(before, self.time, x, self)
         breaks, lines, switches = self._breaks()
         judged, checks = self._checks()
-        happening, laws, events, instants = self._happening()
+        happening, laws, events, engine = self._happening()
         constraints, watch = write_constraints(plan, self)
         steps = (copied, *plan.reduced.parameter_program)
         reading = (*steps, *start.wanted, *breaks, *judged, *(s for p in _flat(happening) for s in p))
-        steps = (*self._bindings(reading, _read_by_hand(laws, instants)), *steps, *start.wanted, *judged)
+        steps = (*self._bindings(reading, _read_by_hand(*engine)), *steps, *start.wanted, *judged)
         base = np.array(self.base)
         base[np.concatenate([np.zeros(0, int), *map(written, steps)])] = np.nan
         programs: Programs = {
@@ -200,7 +200,7 @@ class _Scene:
             "rhs": plan.program,
             "constraints": constraints,
         }
-        code, numbers = packed_programs(plan, programs | happening, self.count, self._curves(), instants)
+        code, numbers = packed_programs(plan, programs | happening, self.count, self._curves(), *engine)
         data = {
             "code": b64encode(code).decode(),
             "programs": numbers,
@@ -229,17 +229,19 @@ class _Scene:
         registers[self.undetermined] = -1
         return Script(data, self.slots, registers)
 
-    def _happening(self) -> tuple[Programs, dict | None, dict | None, InstantTables | None]:
-        """Return the programs of laws and events, the data of both, and tables; None where the scene has none."""
+    def _happening(
+        self,
+    ) -> tuple[Programs, dict | None, dict | None, tuple[InstantTables | None, LawTables | None]]:
+        """Return the programs of laws and events, the data of both, and what the engine reads of events and laws."""
         programs: Programs = {}
-        laws = events = instants = None
+        laws = events = instants = tables = None
         if self.plan.reduced.switched is not None:
-            own, laws = write_laws(self.plan, self.observer.signals, self)
+            own, laws, tables = write_laws(self.plan, self.observer.signals, self)
             programs |= own
         if self.flat.events is not None:
             others, events, instants = write_events(self.observer, self)
             programs |= others
-        return programs, laws, events, instants
+        return programs, laws, events, (instants, tables)
 
     # ------------------------------------------------------------------ parameters
 
@@ -315,9 +317,9 @@ class _Scene:
         return [[a, longest if np.isfinite(longest) else None] for a, longest in bounds]
 
 
-def _read_by_hand(laws: dict | None, instants: InstantTables | None) -> list[int]:
-    """Return the registers of parameters that no program reads: restitution, and the clocks."""
-    found = [] if laws is None else list(laws["restitution"])
+def _read_by_hand(instants: InstantTables | None, laws: LawTables | None) -> list[int]:
+    """Return the registers of parameters that no program reads: those of laws, and of the clocks."""
+    found = [] if laws is None else np.concatenate([t.ravel() for t in laws.registers])
     clocks = [] if instants is None else [*instants.columns["start"], *instants.columns["interval"]]
     return [int(r) for r in (*found, *clocks) if r >= 0]
 

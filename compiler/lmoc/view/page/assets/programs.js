@@ -53,6 +53,12 @@ export class Programs {
     return (status & FAILED) === 0;
   }
 
+  /** What a function of the engine has come to, where that is no program. */
+  checkedStatus(status) {
+    this.checked(0);
+    return status;
+  }
+
   sample(time) {
     this.exports.lmoc_page_sample(this.page, time);
   }

@@ -20,7 +20,7 @@ const RESTORED = 6; // times that a step is brought back onto gaps that curve aw
 export function reach(scene, x, point, to) {
   const { begin, laws } = scene.data;
   const gaps = (laws?.gap ?? []).filter((register) => register >= 0);
-  scene.dynamics?.laws?.kinematics.hold(); // positions alone count, whatever is closed
+  scene.dynamics?.laws?.open(); // positions alone count, whatever is closed
   const measure = (state) => {
     const w = scene.observe(begin, state);
     const [px, py] = point(w);
