@@ -33,11 +33,12 @@ textbook/winch textbook/building textbook/double_wishbone textbook/bicycle textb
 KINDS = {  # what the names of the classes of parts say
     "in the plane": r"^Planar\.",
     "shafts": r"Shaft|Inertia|Torsion|Rotor",
-    "gears and belts": r"Gear|Belt|Chain|Rack|Differential",
+    "gears, belts, screws": r"Gear|Belt|Chain|Rack|Differential|Worm|Screw",
     "levers and pulleys": r"Lever|Pulley|Drum|Arm",
     "strings": r"Cable|String",
     "friction and clutches": r"Friction|Clutch|Brake|Ratchet",
-    "stops and impacts": r"Stop|Contact|Backlash",
+    "stops and impacts": r"Stop|Contact|Backlash|Cam",
+    "on a road or a track": r"Wheel|Track",
 }
 
 
@@ -53,6 +54,7 @@ class Entry:
     words : in which it is found
     course : its number in the lecture notes; 0 for a scene beside them
     source : the model
+    equations : of motion, HTML; "" where none can be read
     """
 
     name: str
@@ -62,6 +64,7 @@ class Entry:
     words: str
     course: int
     source: str
+    equations: str
 
 
 def course() -> list[str]:
@@ -83,7 +86,8 @@ def make_scene(file: str, number: int, folder: Path) -> Entry:
     dae = lmoc.compile(path)
     run = dae.simulate()
     name = file.replace("/", "-")
-    run.view(folder / f"{name}.html")
+    page = run.view()
+    page.save(folder / f"{name}.html")
     dae.draw(folder / f"{name}.svg")
     flat, source = run.flat, path.read_text(encoding="utf-8")
     head = " ".join(line[2:].strip() for line in source.split("model ")[0].splitlines() if line.startswith("//"))
@@ -91,7 +95,8 @@ def make_scene(file: str, number: int, folder: Path) -> Entry:
     classes = {part.class_name.rpartition(".")[2] for part in flat.parts[1:]}
     title = flat.description or flat.name
     words = " ".join([flat.name, title, head, *own, *sorted(classes)]).lower()
-    return Entry(name, title, head, own, words, number, source)
+    equations = page.contents.equations
+    return Entry(name, title, head, own, words, number, source, equations if "<math" in equations else "")
 
 
 def make(folder: Path, notes: Sequence[str], more: Sequence[str]) -> list[Entry]:
@@ -120,11 +125,12 @@ def index(entries: Iterable[Entry]) -> str:
 def card(entry: Entry) -> str:
     """Return an entry as an item of a list."""
     number = f"{entry.course}. " if entry.course else ""
+    folded = f"<details><summary>equations</summary><div>{entry.equations}</div></details>" if entry.equations else ""
     return (
         f'<li data-words="{escape(entry.words)}" data-kinds="{escape("|".join(entry.kinds))}">'
         f'<a href="{entry.name}.html"><img src="{entry.name}.svg" alt="" loading="lazy">'
         f"<strong>{number}{escape(entry.title)}</strong></a><p>{escape(entry.text)}</p>"
-        f"<details><summary>model</summary><pre>{escape(entry.source)}</pre></details></li>"
+        f"{folded}<details><summary>model</summary><pre>{escape(entry.source)}</pre></details></li>"
     )
 
 
@@ -149,7 +155,7 @@ li[hidden] { display: none; }
 img { width: 100%; height: 9rem; object-fit: contain; display: block; background: #fff; border-radius: 4px; }
 a { color: inherit; text-decoration: none; } a:hover strong { text-decoration: underline; }
 p { font-size: .88em; max-height: 4.4em; overflow: auto; margin: .3rem 0; }
-pre { font-size: .75em; overflow: auto; max-height: 20rem; }
+pre, details div { font-size: .75em; overflow: auto; max-height: 20rem; } details math { font-size: 1.3em; }
 h2 { font-size: 1.1rem; }
 </style>
 </head>

@@ -28,7 +28,7 @@ def test_every_scene_has_a_page_a_picture_a_text_and_its_kinds(gallery):
     assert [e.course for e in entries] == [1, 2, 0, 0]
     assert "Example 5" in entries[1].text and entries[1].title == "Quarter car on a road (Example 5)"
     assert "stops and impacts" in entries[2].kinds and "in the plane" in entries[3].kinds
-    assert all("<math" in (folder / f"{e.name}.html").read_text() for e in entries[:2])
+    assert all("<math" in (folder / f"{e.name}.html").read_text() and "<math" in e.equations for e in entries[:2])
 
 
 def test_the_gallery_holds_some_forty_scenes_that_exist_the_notes_first():

@@ -34,11 +34,16 @@ class Page:
     version: str
 
     @cached_property
+    def contents(self) -> Contents:
+        """What is in the page: data, equations, and what is missing."""
+        run = self.run
+        return contents(run.fine if run.trajectory.kept is None else run, run.flat.name)
+
+    @cached_property
     def html(self) -> str:
         """The text of the page."""
-        run = self.run
+        run, found = self.run, self.contents
         title = run.flat.name
-        found = contents(run.fine if run.trajectory.kept is None else run, title)
         missing = (f'<p class="warning">{escape(sentence)}</p>' for sentence in dict.fromkeys(found.missing))
         return _filled(asset("page.html"), {
             "version": self.version,
