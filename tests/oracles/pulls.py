@@ -8,7 +8,7 @@ from oracles.in_javascript import in_engine
 from oracles.node import run_script
 
 from lmoc.view.page.contents import contents, drawn, movers
-from lmoc.view.page.hands import run_with_hands, with_hands
+from lmoc.view.page.hands import elsewhere, run_with_hands, with_hands
 
 AGREES = 1e-6  # of the largest value
 VISIBLE = 1e-3  # from there on a page doubts itself
@@ -82,6 +82,8 @@ def _pulled(run, hands, name, signals, reason, said, columns):
     hand = next(h for h in own if h.name == name)
     inputs = {extended.variable_name(v): value for v, value in zip(hand.signals, signals, strict=True)}
     truth = run.extended(extended, nothing | inputs)
+    if begun := elsewhere(run, truth):  # the page begins where the run does
+        truth = run.extended(extended, nothing | inputs, begun)
     stored, work, heat, *states = np.array(columns, float)
     accuracy, doubted = said
     count = min(len(truth.time), len(stored), len(run.time))

@@ -115,7 +115,7 @@ def run_with_hands(run: Result, names: Sequence[str]) -> tuple[Result, list[Hand
         extended, hands, nothing = with_hands(flat, kept)
         try:
             held = run.extended(extended, nothing) if kept else None
-            if held is not None and (begun := _elsewhere(run, held)):
+            if held is not None and (begun := elsewhere(run, held)):
                 held = run.extended(extended, nothing, begun)
         except (ModelError, SimulationError):
             continue
@@ -126,7 +126,7 @@ def run_with_hands(run: Result, names: Sequence[str]) -> tuple[Result, list[Hand
     return None
 
 
-def _elsewhere(run: Result, held: Result) -> dict[str, float]:
+def elsewhere(run: Result, held: Result) -> dict[str, float]:
     """Return the states of a run at its start, where one with hands begins elsewhere: what is open is guessed."""
     if held.states != run.states or not len(run.time):
         return {}
