@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lmoc.ir.law import JENKINS, NONE
-from lmoc.ir.mode import law_names
+from lmoc.ir.mode import law_names, law_rows
 from lmoc.ir.program import Solve, unfilled, walk
 from lmoc.lower.tape import Tape
 from lmoc.numerics.laws.free_dynamics import FreeDynamics, free_dynamics
@@ -42,7 +42,8 @@ class LawTables:
     inputs, held : (3, n), (states,) registers of the mode, -1 for none
     read : (4, n) registers that show the end of a mode
     noise : what levels are by rounding alone
-    texts : names of the laws, of what closes and what opens them
+    names : of the laws, each of its own
+    texts : names of their parts, of what closes and what opens them
     """
 
     table: LawTable
@@ -60,13 +61,13 @@ class LawTables:
     held: np.ndarray
     read: np.ndarray
     noise: np.ndarray
-    texts: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
+    names: list[str]
+    texts: tuple[tuple[str, ...], ...]
 
     @property
     def indicator_texts(self) -> tuple[str, ...]:
         """What each event indicator of the laws tells of."""
-        names = self.texts[0]
-        return tuple(f"{what} of {name}" for what in ("the law", "the lower limit of the force") for name in names)
+        return tuple(f"{what} of {name}" for what in ("the law", "the lower limit of the force") for name in self.names)
 
 
 def why_not(plan: Plan) -> str:
@@ -103,12 +104,11 @@ def law_tables(plan: Plan, values: np.ndarray, signals: Mapping[int, Signal], ru
     given = unfilled(own.program, wanted, plan.count)
     given = given[~np.isin(given, np.concatenate([inputs.ravel(), plan.held, plan.states]))]
     restitution = [np.full(g.rows, NONE) if g.restitution is None else g.restitution for g in form.laws]
-    ways = [[(g.closing, g.opening)] * g.rows for g in form.laws]
-    closings, openings = zip(*(pair for rows in ways for pair in rows), strict=True)
+    texts = zip(*((name, g.closing, g.opening) for name, g in law_rows(reduced.flat, form.laws)), strict=True)
     return LawTables(
         kinematics.table, scene.curved, scene.linear[1], plan.held < 0, *tapes, given, (force_entry, state_entry),
         quantity, parameters, np.concatenate(restitution), inputs, plan.held, reading_registers(kinematics),
-        _noise(kinematics, run), (tuple(law_names(reduced.flat, form.laws)), closings, openings),
+        _noise(kinematics, run), law_names(reduced.flat, form.laws), tuple(texts),
     )  # fmt: skip
 
 

@@ -126,9 +126,8 @@ class FreeDynamics:
         self.quantities = quantities_of(self.plan, form, switched.degree)
         registers = self.quantities.registers
         stored = self.plan.reduced.flat.find("ledger.stored")
-        own = [] if stored is None else [int(self.plan.reduced.register_of[int(stored[0])])]
-        self.stored = max([-1, *own])  # register; -1 for none
-        self.values = np.concatenate([registers[registers >= 0], np.array([r for r in own if r >= 0], int)])
+        self.stored = -1 if stored is None else max(-1, int(self.plan.reduced.register_of[int(stored[0])]))
+        self.values = np.concatenate([registers[registers >= 0], np.full(int(self.stored >= 0), self.stored)])
         self.outputs = np.concatenate([registers[2], self.plan.derivatives])
         self.motions = registers[:2][registers[:2] >= 0]
         self.program = needed_steps(
