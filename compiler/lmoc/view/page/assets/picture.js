@@ -54,7 +54,9 @@ export class Stage {
     const shapes = item.shapes.map((shape) => shapeElement(shape));
     group.append(...shapes);
     host.append(group);
-    return { item, group, shapes, rim: hasRim(item) ? new Rim(item, group, svgElement) : null };
+    const rim = hasRim(item) ? new Rim(item, group, svgElement) : null;
+    const moves = item.ends.some((end) => end.moves.length) || item.turn.variable !== "" || rim !== null || hasSlack(item);
+    return { item, group, shapes, rim, moves, placed: false };
   }
 
   /** The number of the item under a place on the screen, or beside it; -1 where there is none. `wanted(item)` says which count. */
@@ -143,7 +145,10 @@ function direction(item, force) {
 }
 
 function showParts(parts, motion, values) {
-  for (const { item, shapes, rim } of parts) {
+  for (const part of parts) {
+    if (part.placed && !part.moves) continue; // walls and names
+    part.placed = true;
+    const { item, shapes, rim } = part;
     const frame = motion.frame(item, values);
     rim?.show(motion.value(item.variables.angle, values), (vertex) => place(frame, vertex));
     for (let k = 0; k < shapes.length; k++) placeShape(shapes[k], item.shapes[k], frame);
