@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lmoc.engine.library import address, library
+from lmoc.engine.library import Many, address, library
 from lmoc.lower.tape import SolveBlock, Tape
 
 RESCUE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double)
@@ -79,25 +79,24 @@ class Kernel:
     addresses : of `w` and of the ``lmoc_tape``
     """
 
-    def __init__(self, tape: Tape, patient: bool = True, w: np.ndarray | None = None, lanes: int = 0) -> None:
+    def __init__(self, tape: Tape, patient: bool = True, w: np.ndarray | None = None, many: Many | None = None) -> None:
         """
         Parameters
         ----------
         patient : nonlinear blocks may be approached slowly; else they have several solutions, of which only the one
             that continues the last counts
         w : memory that it shares with others
-        lanes : runs that go through it at a time, (tape.size, lanes) in `w`; 0 for a single one, which Python may run
+        many : what takes several runs at a time, (tape.size, lanes) in `w`; else it is one, which Python may run
         """
-        self.tape, self._patient, self._lanes = tape, patient, lanes
+        self.tape, self._patient, self._lanes = tape, patient, many.lanes if many else 1
         self.w = np.zeros(tape.size) if w is None else w
-        self.w.reshape(-1, max(1, lanes))[tape.constants[0]] = tape.constants[1][:, None]
-        of = "_lanes" if lanes else ""
+        self.w.reshape(-1, self._lanes)[tape.constants[0]] = tape.constants[1][:, None]
         self._library = library()
         self._kept: list[object] = []  # what C points to
         self.blocks = (_Block * max(1, len(tape.blocks)))(*map(self._block, tape.blocks))
         self._tape = _Tape(
-            address(f"lmoc_tape_run{of}"), tape.code.ctypes.data, tape.index.ctypes.data, ctypes.addressof(self.blocks),
-            address(f"lmoc_block_functions{of}"), tape.time,
+            many.run if many else address("lmoc_tape_run"), tape.code.ctypes.data, tape.index.ctypes.data,
+            ctypes.addressof(self.blocks), many.blocks if many else address("lmoc_block_functions"), tape.time,
         )  # fmt: skip
         self.nonlinear = [b for b in tape.blocks if b.work]
         self.unknowns = np.concatenate([np.zeros(0, int), *(b.unknowns.ravel() for b in self.nonlinear)])
@@ -110,7 +109,7 @@ class Kernel:
     def _block(self, block: SolveBlock) -> _Block:
         instances, size = block.unknowns.shape
         tables = [np.ascontiguousarray(t, np.int32) for t in block.tables]
-        pivots = np.zeros((instances if block.kept else 1) * size * max(1, self._lanes), np.int32)
+        pivots = np.zeros((instances if block.kept else 1) * size * self._lanes, np.int32)
         self._kept += [*tables, pivots]
         start, rows, lu = 0, 0, 0
         if block.pattern is not None:

@@ -36,10 +36,8 @@ _FUNCTIONS = {
     "lmoc_taylor_walk": (_INT, [_POINTER, _POINTER]),
     "lmoc_first_trial": (_REAL, [_COUNT, *[_REAL] * 4, *[_POINTER] * 3]),
     "lmoc_first_step": (_REAL, [_COUNT, *[_REAL] * 3, *[_POINTER] * 4]),
-    "lmoc_lane_count": (_COUNT, []),
-    "lmoc_lane_length": (_COUNT, []),
     "lmoc_lanes_walk": (None, [_POINTER, _COUNT, _POINTER]),
-    "lmoc_lanes_walk_lanes": (None, [_POINTER, _COUNT, _POINTER]),
+    "lmoc_at_once": (_POINTER, []),
     "lmoc_lanes_differences": (None, [_POINTER, _COUNT, *[_POINTER] * 3]),
     "lmoc_roots": (_COUNT, [_POINTER]),
     "lmoc_relations": (None, [_POINTER]),
@@ -92,6 +90,16 @@ _FUNCTIONS = {
 }
 
 
+class Many(ctypes.Structure):
+    """What goes through the engine several runs at a time (``lmoc_many`` in ``c/many.h``)."""
+
+    _fields_ = [
+        *[(name, ctypes.c_int64) for name in ("lanes", "length")],
+        *[(name, ctypes.c_void_p) for name in ("run", "blocks", "order", "open", "solve")],
+        ("walk", ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p)),
+    ]
+
+
 @lru_cache(maxsize=1)
 def library() -> ctypes.CDLL:
     """Return the engine with the types of its functions.
@@ -116,3 +124,9 @@ def library() -> ctypes.CDLL:
 def address(name: str) -> int:
     """Return where a function of the engine, or a table of functions, stands."""
     return ctypes.addressof(ctypes.c_char.in_dll(library(), name))
+
+
+@lru_cache(maxsize=1)
+def at_once() -> Many:
+    """Return what takes as many runs at a time as suit this processor; the bits are the same for any number."""
+    return Many.from_address(library().lmoc_at_once())

@@ -52,11 +52,11 @@ def _instructions(code: np.ndarray) -> Iterator[tuple[str, list[int]]]:
         at = end
 
 
-def series_text(code: np.ndarray) -> str:
+def series_text(code: np.ndarray, lanes: int) -> str:
     """Return the text of ``void lmoc_order(series, k)``, which does what the instructions of a series say."""
     lines = [_line(name, rest) for name, rest in _instructions(code)]
     return "\n".join([
-        "#define LMOC_OF_LANES",
+        f"#define LMOC_OF_LANES {lanes}",
         headers("lane", "lu", "tape", "engine", "series", "recurrence"),
         _PRODUCTS,
         "#define S(i) (s + (int64_t)(i)*LMOC_LENGTH)",
@@ -81,10 +81,10 @@ def _line(name: str, rest: list[int]) -> str:
 class SeriesAccelerator(Accelerator):
     """Compiles the instructions of a series beside their use."""
 
-    def __init__(self, code: np.ndarray) -> None:
+    def __init__(self, code: np.ndarray, lanes: int) -> None:
         names = [name for name, _ in _instructions(code)]
         super().__init__(_INSTRUCTION * len(names) + _PRODUCT * sum(name in PRODUCTS for name in names))
-        self._code, self._count = code, len(names)
+        self._code, self._count, self._lanes = code, len(names), lanes
 
     def _make(self) -> ctypes.CDLL | None:
-        return None if self._count > _LONGEST else compiled(lambda: series_text(self._code))
+        return None if self._count > _LONGEST else compiled(lambda: series_text(self._code, self._lanes))

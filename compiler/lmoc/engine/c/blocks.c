@@ -5,7 +5,7 @@
 
 #include "dense.h"
 
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
 
 /* LU with row pivoting for two rows: the closure of a loop in the plane. */
 static inline int pair_factor(double *a, int32_t *pivots, double *determinant) {
@@ -79,7 +79,7 @@ static void constant(lmoc_block *m, double *w) {
     }
 }
 
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
 
 /* x = -A^-1 B, the derivatives of the unknowns, column by column. */
 static void implicit(lmoc_block *m, double *w) {
@@ -111,8 +111,8 @@ static int factor(lmoc_block *m, double *w) {
   return status;
 }
 
-#ifdef LMOC_OF_LANES
-const lmoc_blocks lmoc_block_functions_lanes = {.linear = linear, .constant = constant, .factor = factor};
+#if LMOC_OF_LANES
+const lmoc_blocks LMOC_NAME(lmoc_block_functions) = {.linear = linear, .constant = constant, .factor = factor};
 #else
 const lmoc_blocks lmoc_block_functions = {linear,   lmoc_newton_begin, lmoc_newton_step, lmoc_newton_end,
                                           constant, implicit,          factor};

@@ -65,7 +65,7 @@ static int64_t left(const lanes *l, leg *g, double begin, int64_t *allowed) {
   return 0;
 }
 
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
 
 static void with_dop853(const lanes *l, int64_t lane) {
   const int64_t n = l->call->n;
@@ -168,7 +168,7 @@ static void along_series(const lanes *l, int64_t count, const int64_t *which) {
   double *m = l->memory, *atol = m + 2*n*LMOC_LENGTH + 2*n;
   lmoc_walk s = {.end = l->end, .longest = l->longest, .atol = atol, .q = m, .next = m + n*LMOC_LENGTH,
                  .x = m + 2*n*LMOC_LENGTH, .between = m + 2*n*LMOC_LENGTH + n};
-  lane own[LMOC_LANES];
+  lane own[LMOC_LANES] = {{0}};
   int64_t stopped = ((int64_t)1 << LMOC_LANES) - 1, busy = 0;
   for (int64_t k = 0; k < LMOC_LANES; k++) own[k].run = -1;
   do {
@@ -197,12 +197,12 @@ void LMOC_NAME(lmoc_lanes_walk)(const lanes *l, int64_t count, const int64_t *wh
     g->steps = g->rejected = g->found = 0;
   }
   if (l->taylor) along_series(l, count, which);
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
   else for (int64_t k = 0; k < count; k++) with_dop853(l, which[k]);
 #endif
 }
 
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
 
 /* Central differences of f by the states where some of the lanes stand, with these shifts (count, n), into
    (count, n, n). */

@@ -87,7 +87,7 @@ LMOC_WIDEST void LMOC_NAME(lmoc_series_order)(const lmoc_series *y, int64_t k) {
   }
 }
 
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
 
 /* The names of the instructions in the order of their numbers. */
 const char *lmoc_recurrences(void) {

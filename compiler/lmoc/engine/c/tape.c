@@ -195,7 +195,7 @@ RUN int LMOC_NAME(lmoc_tape_run)(lmoc_times time, double *w, const lmoc_tape *t)
 #endif
 }
 
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
 
 /* The names of the operations in the order of their numbers. */
 const char *lmoc_operations(void) {

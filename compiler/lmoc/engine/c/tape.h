@@ -4,10 +4,6 @@
 #ifndef LMOC_TAPE_H
 #define LMOC_TAPE_H
 
-#include <math.h>
-#include <stdint.h>
-#include <string.h>
-
 #include "lane.h"
 #include "lu.h"
 

@@ -13,7 +13,7 @@
 static inline double larger(double a, double b) { return b > a ? b : a; }
 
 static int evaluate(lmoc_call *c, lmoc_times time, const double *x) {
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
   return lmoc_evaluate(c, time, x);
 #else
   if (c->first_state >= 0) memcpy(c->w + LMOC_AT(c->first_state), x, LMOC_AT(c->n) * sizeof(double));
@@ -140,7 +140,7 @@ LMOC_WIDEST static void defect(int64_t n, int64_t order, const double *h, const 
   }
 }
 
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
 
 /* Whether the way along the series is certainly good, looked at as closely as it takes. */
 static int keeps(const lmoc_taylor *y, const lmoc_walk *s, double h, double reached, const double *x) {
@@ -263,7 +263,7 @@ static int64_t advance(const lmoc_taylor *y, lmoc_walk *s, int64_t going) {
   value(n, y->order, h, s->next, s->x);
   LMOC_EACH_LANE
     for (int64_t i = 0; s->begins[l] && i < n; i++) s->x[LMOC_AT(i) + l] = Q(s->next, i, 0);
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
   if (doubtful(y, s, h[0], reached[0])) return stopped_with(s, 0, LMOC_DOUBTFUL);
   const int lost = lmoc_taylor_series(y, reached[0], s->x, s->q);
 #else
@@ -290,7 +290,7 @@ int64_t LMOC_NAME(lmoc_taylor_go)(const lmoc_taylor *y, lmoc_walk *s) {
   return stopped;
 }
 
-#ifndef LMOC_OF_LANES
+#if !LMOC_OF_LANES
 
 int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_walk *s) {
   lmoc_walk_afresh(s, 0);

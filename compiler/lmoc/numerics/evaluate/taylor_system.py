@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lmoc.engine.kernel import Call, Kernel
-from lmoc.engine.library import address, library
+from lmoc.engine.library import Many, address, at_once, library
 from lmoc.engine.series_text import SeriesAccelerator
 from lmoc.lower.recurrences import NoSeries
 from lmoc.lower.series import LENGTH, Series, series_of
@@ -63,18 +63,18 @@ def plan_series(plan: Plan) -> Series | str:
 
 
 def _with_series(
-    plan: Plan, series: Series, call: Call, start: Kernel, coefficients: np.ndarray, of: str = ""
+    plan: Plan, series: Series, call: Call, start: Kernel, coefficients: np.ndarray, many: Many | None = None
 ) -> WithSeries:
     """Return what C needs for the series of a plan, whose coefficients have that memory; of order 0 as yet.
 
     Parameters
     ----------
-    of : ending of the names of the functions in C
+    many : what takes several runs at a time
     """
     tables = [series.of_register[r] for r in (plan.states, plan.derivatives)]
     tables += [series.of_register, coefficients]
     addresses = *start.addresses, series.code.ctypes.data, series.source.ctypes.data
-    functions = [address(f"lmoc_series_{name}{of}") for name in ("order", "open", "solve")]
+    functions = [getattr(many, k) if many else address(f"lmoc_series_{k}") for k in ("order", "open", "solve")]
     own = _Series(*functions, *addresses, len(series.source), series.clock, *(t.ctypes.data for t in tables))
     found = WithSeries(ctypes.pointer(call), ctypes.pointer(own), 0)
     found.kept = tables, start
@@ -88,33 +88,34 @@ class SeriesInLanes:
 
     Attributes
     ----------
-    lanes : how many; 0 for one
+    many : what takes them; None for one at a time
     in_c : what C needs; its order is to be set
     memory : for the steps of that many runs
     blocks : behind the program, and behind the coefficients of order zero
     """
 
     def __init__(self, plan: Plan) -> None:
-        series, engine = plan.once(plan_series), library()
+        series = plan.once(plan_series)
         assert isinstance(series, Series)
         tapes = plan.once(plan_tape), series.start
         alone = series.start.size > _LARGEST or any(b.pattern is not None for tape in tapes for b in tape.blocks)
-        self.lanes, length = (0, LENGTH) if alone else (engine.lmoc_lane_count(), engine.lmoc_lane_length())
-        lanes, of = max(1, self.lanes), "_lanes" if self.lanes else ""
+        self.many = many = None if alone else at_once()
+        lanes, length = (many.lanes, many.length) if many else (1, LENGTH)
         w = _aligned(series.start.size * lanes)
-        kernel, start = (Kernel(tape, w=w, lanes=self.lanes) for tape in tapes)
+        kernel, start = (Kernel(tape, w=w, many=many) for tape in tapes)
         call = kernel.call(plan.states, plan.derivatives)
-        self.in_c = _with_series(plan, series, call, start, _aligned(len(series.source) * length * lanes), of)
+        self.in_c = _with_series(plan, series, call, start, _aligned(len(series.source) * length * lanes), many)
         self.memory = _aligned((2 * length + 3) * len(plan.states) * lanes)
         self.blocks = len(kernel.tape.blocks), len(start.tape.blocks)
         self._kept = kernel
-        self._accelerator, self._accelerated = SeriesAccelerator(series.code), not self.lanes
+        self._lanes, self._accelerated = lanes, many is None
+        self._accelerator = SeriesAccelerator(series.code, lanes)
 
-    def note_work(self, sweeps: int) -> None:
-        """Take note of series of as many runs at a time, and go on with compiled code if it is there by now."""
+    def note_work(self, tried: int) -> None:
+        """Take note of steps that have been tried, and go on with compiled code if it is there by now."""
         if self._accelerated:
             return
-        self._accelerator.note(sweeps)
+        self._accelerator.note(-(-tried // self._lanes))
         compiled = self._accelerator.library
         if compiled is not None:
             self.in_c.series.contents.order = ctypes.cast(compiled.lmoc_order, ctypes.c_void_p).value

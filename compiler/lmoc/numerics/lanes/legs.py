@@ -115,12 +115,11 @@ class Legs:
         """
         chosen = np.ascontiguousarray(which, np.int64)
         self._lanes.goes_on = goes_on
-        together = self._series is not None and self._series.lanes
-        walk = self._engine.lmoc_lanes_walk_lanes if together else self._engine.lmoc_lanes_walk
+        many = None if self._series is None else self._series.many
+        walk = many.walk if many else self._engine.lmoc_lanes_walk
         walk(ctypes.byref(self._lanes), len(chosen), chosen.ctypes.data)
-        if self._series is not None and self._series.lanes:
-            tried = self.state["steps"][chosen].sum() + self.state["rejected"][chosen].sum()
-            self._series.note_work(-(-int(tried) // self._series.lanes))
+        if self._series is not None:
+            self._series.note_work(int(self.state["steps"][chosen].sum() + self.state["rejected"][chosen].sum()))
 
     def differences(self, which: np.ndarray, shift: np.ndarray, goes_on: bool = False) -> np.ndarray:
         """Return the Jacobians (k, n, n) where k of the runs stand, from states shifted by that (k, n).

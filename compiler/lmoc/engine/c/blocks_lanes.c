@@ -1,4 +1,0 @@
-/* Blocks of several runs at a time. */
-
-#define LMOC_OF_LANES
-#include "blocks.c"

@@ -1,4 +1,0 @@
-/* Taylor coefficients of several runs at a time. */
-
-#define LMOC_OF_LANES
-#include "series.c"
