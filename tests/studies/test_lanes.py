@@ -7,6 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lmoc
+from lmoc.engine.library import Many, address, at_once
+from lmoc.numerics.evaluate import taylor_system
 from lmoc.studies import batch, lanes
 from lmoc.support.records import dataclass
 
@@ -182,6 +184,19 @@ def test_formulas_and_numbers_for_each_run(monkeypatch):
     for row, signal in enumerate(given):
         run = single.simulate(stop=1.0, points=5, parameters={"k": row + 1.0}, inputs={"f": signal})
         assert np.array_equal(runs["y"][row], run["y"])
+
+
+@pytest.mark.parametrize("k", [0, 3, 5])
+def test_as_many_lanes_as_the_processor_likes_change_no_bit(monkeypatch, k):
+    """Four at a time is what others have; one at a time what a scene with sparse factors has."""
+    model, name = SCENES[k].model, next(iter(SCENES[k].parameters))
+    values, found = np.linspace(*SCENES[k].parameters[name], 11), []
+    for many in (at_once(), Many.from_address(address("lmoc_four")), None):
+        monkeypatch.setattr(taylor_system, "at_once", lambda many=many: many)
+        dae = lmoc.compile_text(model) if isinstance(model, str) else lmoc.compile(model)
+        found.append(dae.ensemble({name: values}, stop=2.0, points=20, workers=1))
+    for runs in found[1:]:
+        assert all(np.array_equal(runs[kept], found[0][kept]) for kept in runs.kept)
 
 
 def test_threads_share_the_rows_and_change_nothing():

@@ -12,6 +12,9 @@ typedef struct {
   const void *walk;                 /* runs, each to where its leg ends (`lanes.c`) */
 } lmoc_many;
 
+/* Eight is there where the compiler makes code for AVX-512. */
+extern const lmoc_many lmoc_four, lmoc_eight;
+
 /* As many at a time as suit this processor. */
 const lmoc_many *lmoc_at_once(void);
 

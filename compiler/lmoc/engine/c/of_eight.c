@@ -14,7 +14,6 @@
 #include "series.c"
 #include "taylor.c"
 
-extern const lmoc_many lmoc_eight;
 const lmoc_many lmoc_eight = {
   LMOC_LANES, LMOC_LENGTH, lmoc_tape_run_of_eight, &lmoc_block_functions_of_eight, lmoc_series_order_of_eight,
   lmoc_series_open_of_eight, lmoc_series_solve_of_eight, lmoc_lanes_walk_of_eight,

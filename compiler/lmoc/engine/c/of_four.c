@@ -10,18 +10,14 @@
 #include "series.c"
 #include "taylor.c"
 
-static const lmoc_many four = {
+const lmoc_many lmoc_four = {
   LMOC_LANES, LMOC_LENGTH, lmoc_tape_run_of_four, &lmoc_block_functions_of_four, lmoc_series_order_of_four,
   lmoc_series_open_of_four, lmoc_series_solve_of_four, lmoc_lanes_walk_of_four,
 };
-
-#if LMOC_WIDER
-extern const lmoc_many lmoc_eight;
-#endif
 
 const lmoc_many *lmoc_at_once(void) {
 #if LMOC_WIDER
   if (__builtin_cpu_supports("avx512f")) return &lmoc_eight;
 #endif
-  return &four;
+  return &lmoc_four;
 }
