@@ -180,3 +180,26 @@ def test_no_class_of_the_library_takes_the_place_of_one_that_is_wrong(garage) ->
     scene = "within Garage;\nmodel Scene\n  Spring s(k = 1);\nend Scene;\n"
     write(garage, {"Garage/Scene.lmo": scene, "Garage/Spring.lmo": "within Garage;\nmodel Springy\nend Springy;\n"})
     assert [d.code for d in mistakes("Garage.Scene", path=garage)] == ["E0244"]
+
+
+WAGON = """within Trains;
+model Wagon
+  connector Flange Real s; flow Real f; end Flange;
+  model Mass Flange a, b; Real v, acc(start = 0);
+    equation a.s = b.s; v = der(a.s); acc = der(v); acc = a.f + b.f - abs(v); end Mass;
+  Mass body(a(s(start = 1, fixed = true)), v(start = 1, fixed = true));
+  Flange coupling;
+equation connect(body.a, coupling);
+end Wagon;
+"""
+
+
+def test_what_a_package_has_written_is_not_told_to_who_uses_it(tmp_path) -> None:
+    """A kink, an open end and a guess that cannot be met: told of the class itself, and not of a model with it."""
+    write(tmp_path, {"Trains/package.mo": "package Trains end Trains;", "Trains/Wagon.mo": WAGON})
+    own = compile_scene("Trains.Wagon", path=str(tmp_path))
+    assert {"W0311", "W0312"} <= {d.code for d in own.notes}
+    assert "W0533" in {d.code for d in own.simulate(stop=0.1).notes}
+    used = compile_text("model M Trains.Wagon w; end M;", model="M", path=str(tmp_path))
+    assert [(d.code, d.message[:12]) for d in used.notes] == [("W0312", "'w.coupling'")]
+    assert "W0533" not in {d.code for d in used.simulate(stop=0.1).notes}

@@ -43,6 +43,7 @@ class Subject(Enum):
     STATE_REFUSED = "a requested variable cannot be a state"
     LEFT_OUT = "a redundant constraint has been left out"
     NOT_FINITE = "a value is not finite"
+    WRITING = "how something is written, which who only uses it cannot change"
     RESHAPED = "the flat model has been made again, since a parameter shapes it"
 
 

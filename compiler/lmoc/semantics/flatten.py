@@ -10,8 +10,8 @@ import numpy as np
 
 from lmoc.expression import dag
 from lmoc.ir.flat import Assignments, Block, FlatDAE, Group, Kind, Simplified, StateSelect
-from lmoc.messages.diagnostics import Report
-from lmoc.messages.source import Source
+from lmoc.messages.diagnostics import Report, Subject
+from lmoc.messages.source import Source, Span
 from lmoc.semantics.algorithms import add_algorithm, assigned_at_events
 from lmoc.semantics.assembly.assemble import (
     Assembler,
@@ -95,8 +95,9 @@ def flatten(
     drafts = Drafts()
     root = root_instance(cls, overrides.modifier())
     elaboration = Elaboration(root, report, overrides.elements, LongSums(drafts))
+    named = tuple(file.span.source for file in files)
     try:
-        flat = _Flattening(elaboration, overrides, drafts, tuple(file.span.source for file in files)).run()
+        flat = _Flattening(elaboration, overrides, drafts, named).run()
     except Wrong as wrong:  # nothing of the model can be made: it extends itself, for instance
         wrong.put_into(report)
     except RecursionError:
@@ -104,7 +105,13 @@ def flatten(
         message = f"what '{cls.full_name}' is made of is nested too deeply"
         report.error("E0227", message, cls.definition.name_span, hint=hint)
     report.check()
-    return replace(flat, notes=(*flat.notes, *left_out(files, report)))
+    own = (*named, cls.definition.span.source)
+    notes = (d for d in flat.notes if d.subject is not Subject.WRITING or _is_in(d.span, own))
+    return replace(flat, notes=(*notes, *left_out(files, report)))
+
+
+def _is_in(span: Span | None, sources: Sequence[Source]) -> bool:
+    return span is None or any(span.source is source for source in sources)
 
 
 class _Flattening:
@@ -125,7 +132,7 @@ class _Flattening:
         layout = self.layout.extended(model.long_sums.variables).extended(self.drafts.helpers.variables)
         literals = pool_literals(all_columns(self.drafts), layout.count)
         count = layout.count + (literals.size if literals else 0)
-        assembler = Assembler(literals)
+        assembler = Assembler(literals, (*self.own, root.cls.definition.span.source))
         sliders = sliders_of(model, layout.variables, layout.instances)
         blocks = make_blocks(layout, sliders) + ([literals] if literals else [])
         kinds = np.repeat(np.array([b.kind for b in blocks], np.uint8), [b.size for b in blocks])
@@ -301,6 +308,7 @@ class _Flattening:
                 f"'{name}' is connected to nothing" + (f", nor are {more} more of its array" if more else ""),
                 part.name_span,
                 hint="its flows are zero; connect it if it should be held or driven",
+                subject=Subject.WRITING,
             )
 
     def _check_balance(self) -> None:

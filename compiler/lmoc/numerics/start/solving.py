@@ -143,6 +143,7 @@ def _report_missed(
     system: StartSystem, rows: np.ndarray, start: GaussNewtonResult, nearby: StartGuess | None, report: Report
 ) -> None:
     value = system.value + start.residual
+    rows = np.array([k for k in rows.tolist() if not system.of_class(k)], int)
     if nearby is not None and nearby.closed:
         variable = system.targets.variable
         guesses = [k for k in rows.tolist() if k < len(variable) and variable[k] in nearby.tied]
@@ -150,7 +151,6 @@ def _report_missed(
             told = [(int(variable[k]), float(system.value[k]), float(value[k])) for k in guesses]
             note_unmet_guesses(system.flat, nearby, told, report)
         rows = np.setdiff1d(rows, guesses)
-    rows = np.array([k for k in rows.tolist() if not system.of_type(k)], int)
     if not len(rows):
         return
     names = listed([f"{system.text(k)} (starts at {value[k]:.6g})" for k in rows.tolist()])

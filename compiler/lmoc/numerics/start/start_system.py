@@ -122,12 +122,12 @@ class StartSystem:
         """Return whether the caller wants it, and not the model."""
         return k < len(self.targets) and bool(self.targets.given[k])
 
-    def of_type(self, k: int) -> bool:
-        """Return whether a type of a package gives the value, as 288.15 K to every temperature."""
+    def of_class(self, k: int) -> bool:
+        """Return whether a package gives the value, as its type 288.15 K to every temperature."""
         if k >= len(self.targets) or self.targets.given[k]:
             return False
         variable = self.targets.variable[k]
-        return any(a.of_type for a in self.flat.starts if (a.target == variable).any())
+        return any(a.of_class for a in self.flat.starts if (a.target == variable).any())
 
     def span_of(self, group: np.ndarray) -> Span | None:
         """The place of the first of several that stands in the model; None where the caller has given all of them."""

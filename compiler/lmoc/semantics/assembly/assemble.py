@@ -13,6 +13,7 @@ from lmoc.expression.text import number_text
 from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part, Slider, StateSelect
 from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Report
+from lmoc.messages.source import Source
 from lmoc.semantics.classes.looks import Looks
 from lmoc.semantics.drafts.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, LawDraft
 from lmoc.semantics.nodes.instance import Instance, Variable
@@ -151,10 +152,11 @@ def all_columns(drafts: Drafts) -> list[Column]:
 
 
 class Assembler:
-    """Turns drafts into what the flat model holds."""
+    """Turns drafts into what the flat model holds; `own` are the texts of the user and of the model."""
 
-    def __init__(self, literals: Literals | None):
+    def __init__(self, literals: Literals | None, own: Sequence[Source] = ()):
         self.literals = literals
+        self.own = own
 
     def slots(self, columns: Sequence[Column], rows: int) -> np.ndarray:
         """Variable indices, one row an instance."""
@@ -192,8 +194,14 @@ class Assembler:
         result = []
         for d in drafts:
             target = np.atleast_1d(np.asarray(d.target, INDEX)) + d.variable.offset
-            result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span, of_type=isinf(d.depth)))
+            given = not isinf(d.depth) and not self._is_of_package(d)
+            result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span, of_class=not given))
         return result
+
+    def _is_of_package(self, draft: AssignmentDraft) -> bool:
+        """Return whether a value is written in the text of a package that the model only uses."""
+        own = bool(self.own) and draft.span is not None and any(draft.span.source is source for source in self.own)
+        return not draft.library and not own
 
     def starts(self, drafts: Sequence[AssignmentDraft]) -> list[Assignments]:
         """Start values with their ranks, those that count most last.

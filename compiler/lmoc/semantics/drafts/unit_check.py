@@ -11,7 +11,7 @@ from dataclasses import replace
 from lmoc.expression.dag import Expr
 from lmoc.expression.text import to_text
 from lmoc.expression.units import Unit, UnitError, parse_unit
-from lmoc.messages.diagnostics import Report
+from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.source import Source, Span
 from lmoc.semantics.drafts.draft import Column, Drafts
 from lmoc.semantics.nodes.instance import Variable
@@ -33,7 +33,7 @@ def check_units(drafts: Drafts, report: Report, own: Collection[Source]) -> None
         if d.span is None or d.span.source in own:
             report.diagnostics.append(d)
         else:
-            report.diagnostics.append(replace(d, code="W0303"))
+            report.diagnostics.append(replace(d, code="W0303", subject=Subject.WRITING))
 
 
 def _check_all(drafts: Drafts, report: Report) -> None:

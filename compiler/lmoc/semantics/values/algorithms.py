@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lmoc.expression import dag
-from lmoc.messages.diagnostics import Label, nearest
+from lmoc.messages.diagnostics import Label, Subject, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.scope import Scope
@@ -150,7 +150,8 @@ class Algorithm:
             raise Wrong("E0301", "a condition must be true or false", given["condition"].span, found=condition.type)
         if not condition.expr.is_const:
             self.context.model.say_once("W0229", "this assertion is not checked while it runs", s.span,
-                                        hint="write it in the model that calls the function")  # fmt: skip
+                                        hint="write it in the model that calls the function",
+                                        subject=Subject.WRITING)  # fmt: skip
         elif not condition.expr.value and self._is_warning(given):
             self.context.model.say_once("W0229", message.text, s.span, hint=f"told of a call of '{self.function.name}'")
         elif not condition.expr.value:

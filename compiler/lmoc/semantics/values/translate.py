@@ -10,6 +10,7 @@ import numpy as np
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
+from lmoc.messages.diagnostics import Subject
 from lmoc.messages.source import Span
 from lmoc.semantics.mistakes.wrong import OutOfRange, RowsDiffer, Wrong
 from lmoc.semantics.values.context import Context, translates
@@ -266,6 +267,7 @@ def warn_kink(context: Context, what: str, span: Span, *values: Value) -> None:
             f"{what} has a kink: the solver integrates across it without stopping",
             span,
             hint="write noEvent(…) or smooth(0, …) around it if that is intended",
+            subject=Subject.WRITING,
         )
 
 
