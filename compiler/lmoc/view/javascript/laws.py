@@ -11,7 +11,7 @@ from lmoc.ir.flat import Kind
 from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
 from lmoc.ir.mode import law_names, law_rows, mode_word
 from lmoc.ir.program import Program, needed_steps
-from lmoc.numerics.laws.free_dynamics import free_dynamics, quantities_of
+from lmoc.numerics.laws.free_dynamics import FreeDynamics, free_dynamics, quantities_of
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.numerics.solve.jacobian import Jacobian
@@ -34,7 +34,7 @@ class LawTables:
     program: Program
     by_force: Jacobian
     by_state: Jacobian
-    entries: tuple[np.ndarray, np.ndarray]
+    entries: tuple[np.ndarray, ...]
     single: tuple[int, int, int]
     tables: tuple[np.ndarray, ...]
 
@@ -72,32 +72,21 @@ def write_laws(
 def _tables(
     plan: Plan, signals: Mapping[int, Signal], places: VariableRegisters, found: np.ndarray, read: np.ndarray
 ) -> LawTables:
-    form, register, states = plan.reduced.switched, plan.reduced.register_of, len(plan.states)
+    form, register = plan.reduced.switched, plan.reduced.register_of
     assert form is not None
-    variables = quantities_of(plan, form, form.degree).variables
-    stored = _single(plan, "ledger.stored")
-    level = np.where(variables[2] == NONE, -1, register[variables[2]])
-    motions = np.where(variables[:2] == NONE, -1, register[variables[:2]])
-    own = np.concatenate([found.ravel(), plan.derivatives, [stored]])
-    program = needed_steps(plan.full_program, _own(own, plan), plan.count)
-    push = register[form.push]
-    by_force = Jacobian(program, push, np.concatenate([level, plan.derivatives]), plan.count)
-    by_state = Jacobian(program, plan.states, motions[motions >= 0], plan.count)
-    entries = (
-        by_force.rows * len(push) + by_force.columns,
-        np.flatnonzero((motions >= 0).ravel())[by_state.rows] * states + by_state.columns,
-    )
+    own = FreeDynamics(plan, signals, own=False)
+    limits = own.quantities.variables[4]
     kinds = np.array([g.kind.value for g in form.laws for _ in range(g.rows)])
     kind = plan.reduced.flat.kind
     scene, ledger = free_dynamics(plan, signals), ledger_states(plan)
     return LawTables(
-        program, by_force, by_state, entries, (stored, ledger["work"], ledger["heat"]),
+        own.program, own.by_force, own.by_state, own.tables[:2], (own.stored, ledger["work"], ledger["heat"]),
         (
             form.degree, np.array(_normal(form)), kinds == LawKind.UNILATERAL.value,
             np.isin(kinds, [k.value for k in COMPLEMENTARY]), kinds == LawKind.DRY_FRICTION.value,
             kinds == LawKind.CONTACT_FRICTION.value, scene.linear[1], scene.curved, plan.held < 0, plan.ledger,
-            (variables[4] != NONE) & (kind[variables[4]] <= Kind.PARAMETER), places.of_variables(_restitution(form)),
-            found, read, register[form.closed], push,
+            (limits != NONE) & (kind[limits] <= Kind.PARAMETER), places.of_variables(_restitution(form)),
+            found, read, register[form.closed], own.push,
             np.where(form.direction == NONE, -1, register[form.direction]), plan.held,
         ),
     )  # fmt: skip
@@ -118,11 +107,6 @@ def ledger_states(plan: Plan) -> dict[str, int]:
         found[name] = int(at[0]) if len(at) else -1
     both = min(found.values()) >= 0
     return found if both else dict.fromkeys(found, -1)
-
-
-def _single(plan: Plan, name: str) -> int:
-    found = plan.reduced.flat.find(name)
-    return -1 if found is None else int(plan.reduced.register_of[int(found[0])])
 
 
 def _restitution(form: Switched) -> np.ndarray:
