@@ -15,7 +15,7 @@ import numpy as np
 from lmoc.ir.flat import Kind, StateSelect
 from lmoc.structure.coordinates.assemblies import Assemblies, Loops, Wishes
 from lmoc.structure.coordinates.constraint_rows import ConstraintRows
-from lmoc.structure.coordinates.group_by_group import group_by_group
+from lmoc.structure.coordinates.group_by_group import group_by_group, one_by_one
 from lmoc.structure.coordinates.initial_rows import initial_rows
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
@@ -93,19 +93,23 @@ def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wan
             continue
         part = rows.take(own)
         inside = np.searchsorted(rows.jets, part.jets)
-        if part.count <= DENSE and _geometric(system, part.source):
-            found, assemblies = None, _assemblies(part, weight[inside], wanted)
-            if assemblies is not None:
-                found = assemblies.points[0]
-                loose |= not assemblies.isolated
-                ways += wanted.told_apart(part.jets, assemblies)
-                fixed = weight[inside] <= FIXED
-                away = np.abs(found - part.begin) > 1e-9 * (1.0 + np.abs(part.begin))
-                if (away & fixed).any():
-                    kept = False
-                    moved += wanted.only(part.jets, fixed, found)
-        else:
+        geometric, found, assemblies = _geometric(system, part.source), None, None
+        if part.count <= DENSE and geometric:
+            assemblies = _assemblies(part, weight[inside], wanted)
+        elif geometric:
+            loops = _loops(wanted, part, part.begin, weight[inside] <= GUESSED)
+            assemblies = one_by_one(part, loops, partial(_loops, wanted))
+        if assemblies is None and not (part.count <= DENSE and geometric):
             found = _alone(part, values[inside], weight[inside])
+        if assemblies is not None:
+            found = assemblies.points[0]
+            loose |= not assemblies.isolated
+            ways += wanted.told_apart(part.jets, assemblies)
+            fixed = weight[inside] <= FIXED
+            away = np.abs(found - part.begin) > 1e-9 * (1.0 + np.abs(part.begin))
+            if (away & fixed).any():
+                kept = False
+                moved += wanted.only(part.jets, fixed, found)
         if found is None:
             return None
         values[np.intersect1d(inside, columns)] = found[np.isin(inside, columns)]
@@ -123,7 +127,8 @@ def _assemblies(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> As
     """
     for ease in (*distinct(weight[weight <= GUESSED])[::-1].tolist(), 0.0):
         loops = _loops(wanted, part, part.begin, weight <= ease)
-        found = group_by_group(part, loops, partial(_loops, wanted)) or loops.found()
+        parts_of = partial(_loops, wanted)
+        found = group_by_group(part, loops, parts_of) or loops.found() or one_by_one(part, loops, parts_of)
         if found is not None:
             return found
     return None
