@@ -60,6 +60,19 @@ equation
   annotation(experiment(StopTime = 3));
 end Thrown;
 """
+LIFT = """
+model Lift "a load on a table whose height is given from outside"
+  input Real u(unit = "m");
+  output Real v(unit = "m/s") = b.v;
+  output Real gap(unit = "m") = s.gap;
+  Motion table(q = u);
+  Mass b(m = 1, g = -9.81, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  Stop s(L = 0, e = 0);
+equation
+  connect(table.flange, s.a); connect(s.b, b.flange);
+  annotation(experiment(StopTime = 1));
+end Lift;
+"""
 SPRINGS = """
 model Springs "friction between springs"
   Fixed wall; Motion hand(q = sin(time)); Spring a(k = 10), b(k = 20); DryFriction f(F = 1);
@@ -168,6 +181,23 @@ def test_what_is_closed_stays_closed_in_the_plane(tmp_path) -> None:
         assert values == pytest.approx([run[n][-1] for n in dae.states if n in references], abs=2e-5)
         fmu.terminate()
         fmu.freeInstance()
+
+
+def test_what_lies_on_an_input_moves_with_it(tmp_path) -> None:
+    """At the start the input is zero: its velocity is no constant of the motion for that."""
+    path = lmoc.compile_text(LIFT).export(tmp_path / "Lift.fmu", fmi=3).path
+    fmu, references = instance(path)
+    begin(fmu)
+    inputs = [references[name] for name in ("u", "der(u)", "der(der(u))")]
+    for k in range(10):
+        t = 0.1 * k
+        fmu.setFloat64(inputs, [0.5 * t * t, t, 1.0])
+        fmu.doStep(currentCommunicationPoint=t, communicationStepSize=0.1)
+    fmu.setFloat64(inputs, [0.5, 1.0, 1.0])
+    fmu.doStep(currentCommunicationPoint=1.0, communicationStepSize=1e-9)
+    assert fmu.getFloat64([references["v"], references["gap"]]) == pytest.approx([1.0, 0.0], abs=1e-6)
+    fmu.terminate()
+    fmu.freeInstance()
 
 
 def test_friction_between_springs_is_refused_by_name(tmp_path) -> None:

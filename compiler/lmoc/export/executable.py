@@ -129,7 +129,7 @@ def executable(dae: CompiledDAE) -> Executable:
     start = _start(run, len(plan.states))
     _check_same_start(plan, first)
     values = plan.reduced.flat.extended(dae.values)
-    laws = law_tables(plan, values, signals, run.trajectory) if reduced.switched is not None else None
+    laws = law_tables(plan, values, signals, _inputs, run.trajectory) if reduced.switched is not None else None
     read = np.zeros(0, int) if laws is None else laws.read
     events = instants(plan, values, lambda: _longest(dae, plan, base, signals, span), read)
     tried = _Tried(dae, plan, signals, zero_inputs, span, start)

@@ -7,7 +7,7 @@ what decides.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -85,12 +85,19 @@ def why_not(plan: Plan) -> str:
     return ""
 
 
-def law_tables(plan: Plan, values: np.ndarray, signals: Mapping[int, Signal], run: Trajectory) -> LawTables:
+def law_tables(
+    plan: Plan,
+    values: np.ndarray,
+    signals: Mapping[int, Signal],
+    inputs_of: Callable[[Plan], np.ndarray],
+    run: Trajectory,
+) -> LawTables:
     """Return the laws of a plan, which `why_not` does not refuse.
 
     Parameters
     ----------
     values : (flat.count,) of parameters
+    inputs_of : returns the registers that are set from outside, and so are no constants of the motion
     run : in which the rounding of levels is looked at
     """
     reduced, form = plan.reduced, plan.reduced.switched
@@ -99,6 +106,7 @@ def law_tables(plan: Plan, values: np.ndarray, signals: Mapping[int, Signal], ru
     scene, own = free_dynamics(plan, signals), FreeDynamics(plan, signals, own=False)
     tapes, (force_entry, state_entry, _, quantity) = own.tapes, own.tables
     wanted = np.concatenate([own.values, own.outputs, own.motions]).astype(int)
+    linear, curved = scene.motions_by_shape(inputs_of(scene.plan))
     parameters = own.quantities.known_variables(plan)
     inputs = np.stack([_registers(plan, v) for v in (form.closed, form.push, form.direction)])
     given = unfilled(own.program, wanted, plan.count)
@@ -106,7 +114,7 @@ def law_tables(plan: Plan, values: np.ndarray, signals: Mapping[int, Signal], ru
     restitution = [np.full(g.rows, NONE) if g.restitution is None else g.restitution for g in form.laws]
     texts = zip(*((name, g.closing, g.opening) for name, g in law_rows(reduced.flat, form.laws)), strict=True)
     return LawTables(
-        kinematics.table, scene.curved, scene.linear[1], plan.held < 0, *tapes, given, (force_entry, state_entry),
+        kinematics.table, curved, linear[1], plan.held < 0, *tapes, given, (force_entry, state_entry),
         quantity, parameters, np.concatenate(restitution), inputs, plan.held, reading_registers(kinematics),
         _noise(kinematics, run), law_names(reduced.flat, form.laws), tuple(texts),
     )  # fmt: skip

@@ -8,7 +8,7 @@ blocks, which have to be followed from place to place, the switched form with al
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Protocol
 
@@ -204,7 +204,7 @@ class FreeDynamics:
 
         None where the scene is too large for compiled functions.
         """
-        return self._motions(lambda linear: linear)
+        return self.motions_by_shape()[0]
 
     @cached_property
     def curved(self) -> NDArray[np.bool_]:
@@ -212,17 +212,23 @@ class FreeDynamics:
 
         None where the scene has nonlinear blocks, or is too large for compiled functions.
         """
-        implicit = any(isinstance(s, Solve) and not s.linear for s in walk(self.switched.full_program))
-        return self._motions(lambda linear: ~linear & (not implicit))
+        return self.motions_by_shape()[1]
 
-    def _motions(self, chosen: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]) -> NDArray[np.bool_]:
-        """Return an entry for each law of what is chosen by whether motions are linear."""
-        found = np.zeros((2, len(self.push)), bool)
+    def motions_by_shape(self, given: Sequence[int] | Indices = ()) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which motions are linear, and which are curved.
+
+        Parameters
+        ----------
+        given : registers of inputs that may change, beside those that are functions of time
+        """
+        linear, curved = np.zeros((2, 2, len(self.push)), bool)
         if self.is_explicit:
-            plan = self.plan
-            linear = linear_registers(plan, self.program, plan.sampled[~np.isin(plan.sampled, self.push)])
-            found[self.quantities.registers[:2] >= 0] = chosen(linear[self.motions])
-        return found
+            plan, there = self.plan, self.quantities.registers[:2] >= 0
+            inputs = np.concatenate([plan.sampled[~np.isin(plan.sampled, self.push)], np.asarray(given, int)])
+            linear[there] = linear_registers(plan, self.program, inputs)[self.motions]
+            implicit = any(isinstance(s, Solve) and not s.linear for s in walk(self.switched.full_program))
+            curved[there] = ~linear[there] & (not implicit)
+        return linear, curved
 
     @cached_property
     def by_force(self) -> Jacobian:
