@@ -73,6 +73,20 @@ equation
   annotation(experiment(StopTime = 1));
 end Lift;
 """
+BELT = """
+model Belt "a block on a belt that is switched on"
+  output Real v(unit = "m/s") = m.v;
+  Boolean on = time > 1;
+  Real x(start = 0, fixed = true, unit = "m");
+  Mass m(m = 1, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  Motion belt(q = x);
+  DryFriction f(F = 2);
+equation
+  der(x) = if on then 1 else 0;
+  connect(belt.flange, f.a); connect(f.b, m.flange);
+  annotation(experiment(StopTime = 2));
+end Belt;
+"""
 SPRINGS = """
 model Springs "friction between springs"
   Fixed wall; Motion hand(q = sin(time)); Spring a(k = 10), b(k = 20); DryFriction f(F = 1);
@@ -196,6 +210,16 @@ def test_what_lies_on_an_input_moves_with_it(tmp_path) -> None:
     fmu.setFloat64(inputs, [0.5, 1.0, 1.0])
     fmu.doStep(currentCommunicationPoint=1.0, communicationStepSize=1e-9)
     assert fmu.getFloat64([references["v"], references["gap"]]) == pytest.approx([1.0, 0.0], abs=1e-6)
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+def test_what_an_event_moves_on_is_not_thrown(tmp_path) -> None:
+    """The belt jumps to its speed: its friction accelerates the block, until both are as fast."""
+    path = lmoc.compile_text(BELT).export(tmp_path / "Belt.fmu", fmi=3).path
+    fmu, references, events = told(path, 1.25, 5)
+    assert events == [("f", "slip")]
+    assert fmu.getFloat64([references["v"]]) == pytest.approx([0.5], abs=1e-6)
     fmu.terminate()
     fmu.freeInstance()
 

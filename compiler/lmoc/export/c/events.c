@@ -250,6 +250,8 @@ int fmu_happen(fmu *f) {
   int found;
   f->now.jumped = 0;
   if (f->now.ended || !(f->e.discrete || laws)) return FMU_GOOD;
+  fmu_settle(f);
+  fmu_law_given(f); /* what discrete values change now is a step for the laws */
   if ((found = crossed(f, f->which)) || (found = cross(f, f->which)) || (found = laws_happen(f))) return found;
   if (f->e.discrete) {
     memcpy(f->law_before, f->x, f->model->states * sizeof(double));

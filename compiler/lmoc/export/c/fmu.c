@@ -195,8 +195,8 @@ void fmu_changed(fmu *f) {
 void fmu_settle(fmu *f) {
   const fmu_model *m = f->model;
   const fmu_events *e = &m->events;
-  int renewed = f->now.stale;
-  if (f->now.stale) {
+  const int renewed = f->now.stale;
+  if (renewed) {
     double *w = f->w[PARAMETRIC];
     for (int64_t i = 0; i < m->parameters; i++) w[m->parameter[i]] = f->p[i];
     forget(f);
@@ -218,11 +218,12 @@ void fmu_settle(fmu *f) {
       f->w[RIGHT][e->registers[i]] = f->e.v[f->e.own[i]];
       f->call.solved = f->call.marked = 0; /* the equations are others: their solution may be elsewhere */
       fmu_changed(f);
-      renewed = 1;
     }
   if (!m->laws.laws.count) return;
   fmu_law_mode(f);
-  if (renewed) lmoc_law_renew(&f->laws);
+  if (!renewed) return;
+  fmu_law_given(f);
+  lmoc_law_renew(&f->laws);
 }
 
 /* The equations at a place; loops are closed first as the scene is at its start, from where the way leads there. */

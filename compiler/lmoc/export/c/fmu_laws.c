@@ -10,11 +10,13 @@ static const double DRIFT = 0.1;     /* of the tolerance: from there on the stat
 /* ------------------------------------------------------------------ quantities */
 
 static int contact_at(void *own, double time, const double *x, double *values) {
-  fmu *f = own;
+  return lmoc_free_at(&((fmu *)own)->scene, time, x, values);
+}
+
+void fmu_law_given(fmu *f) {
   const fmu_laws *l = &f->model->laws;
   for (int64_t i = 0; i < l->given; i++)
     f->w[BY_FORCE][l->given_registers[i]] = f->w[BY_STATE][l->given_registers[i]] = f->w[RIGHT][l->given_registers[i]];
-  return lmoc_free_at(&f->scene, time, x, values);
 }
 
 /* Levels that are rounding alone are zero. */
@@ -150,6 +152,7 @@ int fmu_law_begin(fmu *f, int for_good) {
   memcpy(x, f->x, (size_t)f->model->states * sizeof(double));
   lmoc_law_open(&f->laws);
   fmu_settle(f);
+  fmu_law_given(f);
   allow(f);
   f->failed = FMU_NO_VALUE;
   int status = lmoc_law_renew(&f->laws);
@@ -165,7 +168,6 @@ int fmu_law_begin(fmu *f, int for_good) {
 
 int fmu_law_happen(fmu *f, const lmoc_flag *which) {
   const size_t size = (size_t)f->model->states * sizeof(double);
-  fmu_settle(f);
   allow(f);
   memcpy(f->before, f->x, size);
   f->failed = FMU_NO_VALUE;
@@ -180,6 +182,7 @@ int fmu_law_happen(fmu *f, const lmoc_flag *which) {
 
 static int renew(void *own) {
   fmu_settle(own);
+  fmu_law_given(own);
   return 0;
 }
 
@@ -205,5 +208,6 @@ int fmu_law_settle(fmu *f, int (*settle)(void *own, double time, double *x)) {
 
 int fmu_law_keep(void *own, double time, double *x) {
   fmu *f = own;
+  fmu_law_given(f);
   return lmoc_law_keep(&f->laws, time, DRIFT * f->now.rtol, x);
 }
