@@ -51,6 +51,29 @@ def test_every_scene_with_laws():
     judge(repeated([(lmoc.compile(file), {}) for file in WITH_LAWS], points=60, solver="dop853", rtol=1e-9), 1e-7)
 
 
+BELT = """
+model Belt "a block on a belt that is switched on"
+  parameter Real F(unit = "N") = 2;
+  Boolean on = time > 1;
+  Real x(start = 0, fixed = true, unit = "m");
+  Mass m(m = 1, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  Motion belt(q = x);
+  DryFriction f(F = F);
+equation
+  der(x) = if on then 1 else 0;
+  connect(belt.flange, f.a); connect(f.b, m.flange);
+  annotation(experiment(StopTime = 2));
+end Belt;
+"""
+
+
+def test_what_an_event_moves_on_is_not_thrown():
+    """The belt jumps to its speed: the block slips on it, until both are as fast."""
+    found = repeated([(lmoc.compile_text(BELT), {"F": 1.15})], points=21, solver="dop853", rtol=1e-9)
+    judge(found)
+    assert [e.kind for e in found[0][1].events] == ["change", "slip", "stick"]
+
+
 def test_a_small_tolerance_where_rounding_decides_about_the_steps():
     judge(repeated([(lmoc.compile(MODELS / "laws" / "bungee_jump.lmo"), {})], rtol=1e-9, points=60))
 

@@ -100,7 +100,9 @@ void lmoc_page_hold(lmoc_page *p);
 double *lmoc_page_errors(lmoc_page *p);
 int lmoc_page_start_laws(lmoc_page *p, double time);
 uint8_t *lmoc_page_vanishing(lmoc_page *p);
-int lmoc_page_laws_happen(lmoc_page *p, double time, int jumped);
+int lmoc_page_laws_happen(lmoc_page *p, double time);
+int lmoc_page_look_at_laws(lmoc_page *p, double time);      /* with the discrete values before an event … */
+int lmoc_page_laws_answer(lmoc_page *p, double time, int jumped);  /* … what follows from those behind it */
 int lmoc_page_laws_drift(const lmoc_page *p);
 int lmoc_page_keep(lmoc_page *p, double time, double share);
 

@@ -170,9 +170,22 @@ int lmoc_page_start_laws(lmoc_page *p, double time) {
 
 uint8_t *lmoc_page_vanishing(lmoc_page *p) { return p->laws.which; }
 
-int lmoc_page_laws_happen(lmoc_page *p, double time, int jumped) {
+int lmoc_page_laws_happen(lmoc_page *p, double time) {
   memcpy(p->answer, p->x, p->n * sizeof(double));
-  return answered(p, lmoc_law_happen(&p->laws.run, time, p->answer, p->laws.which, jumped));
+  return answered(p, lmoc_law_happen(&p->laws.run, time, p->answer, p->laws.which, 0));
+}
+
+int lmoc_page_look_at_laws(lmoc_page *p, double time) { return lmoc_law_look(&p->laws.run, time, p->x); }
+
+int lmoc_page_laws_answer(lmoc_page *p, double time, int jumped) {
+  lmoc_law_run *s = &p->laws.run;
+  int failed, parted;
+  memcpy(p->answer, p->x, p->n * sizeof(double));
+  lmoc_page_put_aside(p);
+  failed = lmoc_law_renew(s);
+  lmoc_page_put_back(p);
+  if (!failed) failed = lmoc_law_parts(s, time, p->answer, &parted);
+  return answered(p, failed ? failed : lmoc_law_happen(s, time, p->answer, s->none, jumped || parted));
 }
 
 int lmoc_page_laws_drift(const lmoc_page *p) { return lmoc_law_drifts(&p->laws.run); }

@@ -63,7 +63,7 @@ export class HybridDynamics {
     const [state, events] = this.laws.start(begin, x);
     this.records.push(...events);
     x = state;
-    return this.handler === null ? x : this.settle(begin, x, x);
+    return this.handler === null ? x : this.settle(begin, x, x, this.handler.discrete.all());
   }
 
   /**
@@ -95,19 +95,29 @@ export class HybridDynamics {
       state = behind;
     }
     if (this.handler === null) return which === null ? null : state;
+    const held = this.handler.discrete.all();
     const behind = this.handler.after(t, state, which === null ? null : [...which].slice(this.lawRoots));
     this.collect();
-    return behind === null || this.laws === null ? behind : this.settle(t, state, behind);
+    return behind === null || this.laws === null ? behind : this.settle(t, state, behind, held);
   }
 
-  /** Let laws and discrete equations answer each other until nothing changes; `left` by the laws and `from` now are the states. */
-  settle(t, left, from) {
+  /**
+   * Let laws and discrete equations answer each other until nothing changes; `left` by the laws and `from` now are the
+   * states, `held` what the discrete values have been.
+   */
+  settle(t, left, from, held) {
     const { ledger } = this.laws.own;
-    let [before, x] = [left, from];
+    const { discrete } = this.handler;
+    let [before, x, past] = [left, from, held];
     for (let round = 0; round < MUTUAL_ROUNDS; round++) {
       const mode = this.laws.mode();
       const jumped = x.some((v, j) => v !== before[j] && !ledger[j]);
-      const [state, events] = this.laws.happen(t, x, [], jumped);
+      const now = discrete.all();
+      discrete.put(past);
+      this.laws.look(t, x);
+      discrete.put(now);
+      past = now;
+      const [state, events] = this.laws.answer(t, x, jumped);
       this.records.push(...events);
       if (events.length === 0 && mode === this.laws.mode()) return state;
       before = state;

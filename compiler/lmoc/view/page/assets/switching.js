@@ -9,7 +9,7 @@ const FIELDS = ["closed", "implied", "direction", "push", "kind", "when", "impul
 const [, ACCUMULATION, IMPACT] = [0, 1, 2]; // kinds of `engine/c/law_run.h`; the others are what laws themselves call it
 const IMPACT_LAWS = ["Newton", "Poisson"];
 const REASONS = { 1: "no forces keep them", 3: "no states nearby satisfy them", 4: "no impulses keep them" };
-const [OVERLAPS, CHATTERS] = [5, 7];
+const [OVERLAPS, GAP_JUMPS, CHATTERS] = [5, 6, 7];
 
 export class LawSwitching {
   constructor(scene) {
@@ -92,18 +92,26 @@ export class LawSwitching {
     return this.take(t, this.exports.lmoc_page_start_laws(this.page, t));
   }
 
-  /**
-   * The state behind an instant at which root functions vanish, and what happened: [x, events].
-   *
-   * `jumped`: the states have been changed from outside.
-   */
-  happen(t, x, which, jumped = false) {
+  /** The state behind an instant at which root functions vanish, and what happened: [x, events]. */
+  happen(t, x, which) {
     const { count, exports, page, programs } = this;
     const vanishing = new Uint8Array(programs.buffer, exports.lmoc_page_vanishing(page), 2 * count).fill(0);
     for (let k = 0; k < count; k++) vanishing[k] = Number(Boolean(which[k]));
     this.stuckFriction().forEach((k, i) => (vanishing[count + k] = Number(Boolean(which[count + i]))));
     programs.x.set(x);
-    return this.take(t, exports.lmoc_page_laws_happen(page, t, Number(jumped)));
+    return this.take(t, exports.lmoc_page_laws_happen(page, t));
+  }
+
+  /** Look at the laws with the discrete values from before an event, which `answer` compares. */
+  look(t, x) {
+    this.programs.x.set(x);
+    this.programs.checkedStatus(this.exports.lmoc_page_look_at_laws(this.page, t));
+  }
+
+  /** What follows from a change of discrete values and, where they have `jumped`, of states: [x, events]. */
+  answer(t, x, jumped) {
+    this.programs.x.set(x);
+    return this.take(t, this.exports.lmoc_page_laws_answer(this.page, t, Number(jumped)));
   }
 
   take(t, status) {
@@ -118,6 +126,7 @@ export class LawSwitching {
     const names = [...new Set(rows.map((k) => this.own.names[k]))].join(", ");
     const at = `at t = ${t.toPrecision(6)} s`;
     if (found === OVERLAPS) return `the gap of '${names}' is negative, ${this.all("gap")[rows[0]].toPrecision(6)}, ${at}`;
+    if (found === GAP_JUMPS) return `the gap of '${names}', which is closed, jumps to ${this.all("gap")[rows[0]].toPrecision(6)} ${at}`;
     if (found === CHATTERS) return `the laws of ${names} open and close without end ${at}`;
     return `the laws of ${names} contradict each other ${at}: ${REASONS[found] ?? "there is no way on"}`;
   }
