@@ -130,8 +130,16 @@ def elsewhere(run: Result, held: Result) -> dict[str, float]:
     """Return the states of a run at its start, where one with hands begins elsewhere: what is open is guessed."""
     if held.states != run.states or not len(run.time):
         return {}
-    near = [np.abs(held[name][0] - run[name][0]) <= SAME * np.abs(run[name]).max() for name in run.states]
-    return {} if all(near) else {name: float(run[name][0]) for name in run.states}
+    own, other = _sampled_states(run), _sampled_states(held)
+    near = np.abs(other[0] - own[0]) <= SAME * np.abs(own).max(axis=0)
+    return {} if near.all() else dict(zip(run.states, own[0].tolist(), strict=True))
+
+
+def _sampled_states(run: Result) -> np.ndarray:
+    """Return the states at some of the times, the first among them: they are there whatever is kept."""
+    variables = np.array([run.flat.find(name)[0] for name in run.states], int)
+    parts = (p for p in run.trajectory.segments if len(p.samples[0]))
+    return np.concatenate([p.observer(variables, *p.samples, lasting=True) for p in parts])
 
 
 def of_origin(numbers: np.ndarray, run: Result, held: Result) -> np.ndarray:
