@@ -7,16 +7,17 @@ import pytest
 from conftest import ROOT
 
 import lmoc
-from lmoc.engine.accelerator import Accelerator, TapeAccelerator, c_text, compile_tape
-from lmoc.engine.compiler import find_compiler
+from lmoc.engine.accelerator import OPTIONS, Accelerator, TapeAccelerator, c_text, compile_tape
+from lmoc.engine.compiler import find_compiler, load_library
 from lmoc.engine.kernel import Kernel
-from lmoc.engine.series_text import SeriesAccelerator
+from lmoc.engine.series_text import SeriesAccelerator, series_text
 from lmoc.expression import dag
 from lmoc.expression.dag import slot
 from lmoc.expression.functions import BINARY, FUNCTIONS, UNARY
 from lmoc.ir.program import Apply, Total
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.chain_rule import ChainRule
+from lmoc.lower.series import RECURRENCES
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.plan.plan import Plan, build_plan
@@ -147,3 +148,9 @@ def test_compiled_series_change_no_bit(scene, monkeypatch):
     after = dae.ensemble(**runs)
     assert len(asked) == 1 and asked[0] > 0  # compiled from then on
     assert all(before[own].tobytes() == after[own].tobytes() for own in dae.states)
+
+
+def test_rows_of_another_width_than_the_engine_has_are_not_compiled():
+    code = np.array([list(RECURRENCES).index("add"), 0, 1, 2, 0], np.int32)
+    taken = [lanes for lanes in (1, 4) if load_library(series_text(code, lanes), OPTIONS)]
+    assert len(taken) == 1  # a compiler has rows of four, or none

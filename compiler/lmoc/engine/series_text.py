@@ -58,6 +58,10 @@ def series_text(code: np.ndarray, lanes: int) -> str:
     return "\n".join([
         f"#define LMOC_OF_LANES {lanes}",
         headers("lane", "lu", "tape", "engine", "series", "recurrence"),
+        # clang has rows of four where an engine that gcc has built has rows of eight
+        f"#if LMOC_LANES != {lanes}",
+        "#error another compiler has built the engine",
+        "#endif",
         _PRODUCTS,
         "#define S(i) (s + (int64_t)(i)*LMOC_LENGTH)",
         "#define W(place) LMOC_ROW(w, place)",
