@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import lmoc
+import lmoc.structure.reduce as reduction
 from lmoc.ir.text.reduced import reduced_text
 from lmoc.structure.coordinates import tied
 from lmoc.structure.coordinates.shared import Shared
@@ -39,3 +40,18 @@ def test_other_parameter_values_share_nothing():
     there, alone = reduce(flat, values, shared=shared), reduce(flat, values)
     assert there.guess.values.tobytes() == alone.guess.values.tobytes()
     assert there.guess.values.tobytes() != first.guess.values.tobytes()
+
+
+def test_two_reductions_at_once_keep_their_own_starts(monkeypatch):
+    flat = lmoc.compile(FOUR_BAR).flat
+    shared, values, solve = Shared(), flat.parameter_values(), reduction.solve_structure
+    values[flat.find("coupler.L")] *= 1.01
+    alone = reduce(flat)
+
+    def in_between(*given):  # as another thread may come
+        monkeypatch.undo()
+        reduce(flat, values, shared=shared)
+        return solve(*given)
+
+    monkeypatch.setattr(reduction, "solve_structure", in_between)
+    assert reduce(flat, shared=shared).guess.values.tobytes() == alone.guess.values.tobytes()

@@ -27,7 +27,7 @@ from lmoc.structure.coordinates.constraints import changing_constraints
 from lmoc.structure.coordinates.coordinates import determined_at_start
 from lmoc.structure.coordinates.invariants import invariants
 from lmoc.structure.coordinates.mobility import immobile
-from lmoc.structure.coordinates.selection import Selection, select
+from lmoc.structure.coordinates.selection import Selection, Starts, select
 from lmoc.structure.coordinates.shared import Shared
 from lmoc.structure.coordinates.start_guess import block_unknowns, guess_at, guess_of
 from lmoc.structure.discrete.order import discrete_steps
@@ -73,8 +73,9 @@ def reduce(
     if flat.laws and flat.closed is None:
         raise ValueError("a flat model with laws is reduced by structure.laws.reduce, or in one of its modes")
     discrete, shared = discrete_steps(flat, report), shared or Shared()
-    normalized = checked(shared.completed(checked(normalize(flat, values, states, report)), without_dependent))
-    return checked(replace(assemble(solve_structure(normalized, states, report, loops, shared)), discrete=discrete))
+    normalized, starts = shared.completed(checked(normalize(flat, values, states, report)), without_dependent)
+    solved = solve_structure(checked(normalized), states, report, loops, starts)
+    return checked(replace(assemble(solved), discrete=discrete))
 
 
 def solve_structure(
@@ -82,7 +83,7 @@ def solve_structure(
     states: Sequence[str] | None,
     report: Report,
     loops: bool = False,
-    shared: Shared | None = None,
+    starts: Starts | None = None,
 ) -> Solved:
     """Choose the states and solve the equations for everything else. Parameters and errors as of `reduce`."""
     system = EquationSystem(normalized)
@@ -91,7 +92,7 @@ def solve_structure(
         diagnosis.structurally_singular(system, report)
         raise ModelError(report.diagnostics)
     wanted = preferences.asked_for(system, states)
-    selection = select(system, match, wanted, None if shared is None else shared.starts)
+    selection = select(system, match, wanted, starts)
     if not isinstance(selection, Selection):
         diagnosis.dependent_constraints(system, selection.jacobian(), selection.choice.singular, report)
         raise ModelError(report.diagnostics)

@@ -21,26 +21,24 @@ _OF_THEIR_OWN = {"flat", "guards", "notes"}  # attributes of normal forms that a
 
 
 class Shared:
-    """The last normal form met, and what is known of it.
-
-    Attributes
-    ----------
-    starts : where the scene starts, as `selection.select` keeps it
-    """
+    """The last normal form met, and what is known of it, in one piece: threads may reduce one model at once."""
 
     def __init__(self) -> None:
-        self.starts: Starts = {}
-        self._last: tuple[Normalized, Normalized] | None = None
+        self._last: tuple[Normalized, Normalized, Starts] | None = None
 
-    def completed(self, normalized: Normalized, complete: Callable[[Normalized], Normalized]) -> Normalized:
-        """Return what a function makes of a normal form; what it has made of the last one where both are the same."""
+    def completed(
+        self, normalized: Normalized, complete: Callable[[Normalized], Normalized]
+    ) -> tuple[Normalized, Starts]:
+        """Return what a function makes of a normal form, and where that starts, as `selection.select` keeps it.
+
+        It is what the function has made of the last one where both are the same.
+        """
         last = self._last
         if last is None or normalized.flat is not last[0].flat or not _same(normalized, last[0]):
-            self.starts.clear()
-            self._last = last = normalized, complete(normalized)
-        first, found = last
+            self._last = last = normalized, complete(normalized), {}
+        first, found, starts = last
         guards = *normalized.guards, *found.guards[len(first.guards) :]
-        return replace(found, guards=guards, notes=(*normalized.notes, *found.notes[len(first.notes) :]))
+        return replace(found, guards=guards, notes=(*normalized.notes, *found.notes[len(first.notes) :])), starts
 
 
 def _same(a: Any, b: Any) -> bool:
