@@ -128,8 +128,9 @@ def _extreme(context: Context, call: tree.Call) -> Value:
 
 # What is exchanged where nothing flows, in the unit of the flow: it settles 0·h = 0, in which h is an unknown, at the
 # mean of what is around (3.7.4.5 asks for one meaningful solution), and is lost in rounding beside any flow that
-# counts. Products of three such coefficients are still far from underflow.
-_EXCHANGE = 1e-60
+# counts. Products of three such coefficients are still far from underflow. Beside larger flows it is left out: the side
+# that does not count may have no value there.
+_EXCHANGE, _NOTHING = 1e-60, 1e-30
 
 
 @builtin("semiLinear")
@@ -143,7 +144,9 @@ def _semi_linear(context: Context, call: tree.Call) -> Value:
     carried = dag.mul(slope.expr, x.expr)
     if not changes(context, x) or not (changes(context, positive) or changes(context, negative)):
         return Value(carried)
-    return Value(carried + context.leaves.slot(None, _EXCHANGE) * (positive.expr - negative.expr))
+    exchanged = context.leaves.slot(None, _EXCHANGE) * (positive.expr - negative.expr)
+    still = dag.function("lt", dag.function("abs", x.expr), context.leaves.slot(None, _NOTHING))
+    return Value(carried + dag.if_(still, exchanged, dag.ZERO))
 
 
 @builtin("noEvent")
