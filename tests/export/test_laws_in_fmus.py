@@ -87,6 +87,18 @@ equation
   annotation(experiment(StopTime = 2));
 end Belt;
 """
+REST = """
+model Rest "a ball that falls onto a floor whose height is a parameter, and stays there"
+  parameter Real d(unit = "m") = 0;
+  output Real gap(unit = "m") = s.gap;
+  Fixed floor;
+  Mass b(m = 1, g = -9.81, q(start = 0.5, fixed = true), v(start = 0, fixed = true));
+  Stop s(L = d, e = 0);
+equation
+  connect(floor.flange, s.a); connect(s.b, b.flange);
+  annotation(experiment(StopTime = 2));
+end Rest;
+"""
 SPRINGS = """
 model Springs "friction between springs"
   Fixed wall; Motion hand(q = sin(time)); Spring a(k = 10), b(k = 20); DryFriction f(F = 1);
@@ -222,6 +234,22 @@ def test_what_an_event_moves_on_is_not_thrown(tmp_path) -> None:
     assert fmu.getFloat64([references["v"]]) == pytest.approx([0.5], abs=1e-6)
     fmu.terminate()
     fmu.freeInstance()
+
+
+def test_what_a_parameter_moves_is_open_or_refused(tmp_path) -> None:
+    """The floor sinks by 0.1 m under a ball at rest, which falls; it cannot rise through it."""
+    path = lmoc.compile_text(REST).export(tmp_path / "Rest.fmu", fmi=3).path
+    for height, left in ((-0.1, 0.1 - 0.5 * 9.81 * 0.1**2), (0.1, None)):
+        fmu, references, _ = told(path, 1.0, 1)
+        fmu.setFloat64([references["d"]], [height])
+        if left is None:
+            with pytest.raises(Exception, match="error"):
+                fmu.doStep(currentCommunicationPoint=1.0, communicationStepSize=0.1)
+        else:
+            fmu.doStep(currentCommunicationPoint=1.0, communicationStepSize=0.1)
+            assert fmu.getFloat64([references["gap"]]) == pytest.approx([left], abs=1e-9)
+            fmu.terminate()
+        fmu.freeInstance()
 
 
 def test_friction_between_springs_is_refused_by_name(tmp_path) -> None:

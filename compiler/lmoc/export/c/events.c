@@ -66,6 +66,7 @@ int fmu_asks(fmu *f, const double *values) {
 }
 
 int fmu_passed(fmu *f) {
+  if (f->now.parted) return 1;
   return fmu_roots(f) && !fmu_indicators(f, f->now.time, f->x, f->root) && fmu_asks(f, f->root);
 }
 
@@ -240,8 +241,9 @@ static int answer(void *own, double time, double *x) {
 }
 
 static int laws_happen(fmu *f) {
-  for (int64_t k = 0; k < fmu_law_roots(f); k++) if (f->law_which[k]) return fmu_law_happen(f, f->law_which);
-  return FMU_GOOD;
+  int some = f->now.parted;
+  for (int64_t k = 0; k < fmu_law_roots(f); k++) some |= f->law_which[k];
+  return some ? fmu_law_happen(f, f->law_which) : FMU_GOOD;
 }
 
 /* Laws go first, then the discrete equations, and the laws again where those have changed something. */

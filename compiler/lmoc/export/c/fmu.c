@@ -195,8 +195,10 @@ void fmu_changed(fmu *f) {
 void fmu_settle(fmu *f) {
   const fmu_model *m = f->model;
   const fmu_events *e = &m->events;
-  const int renewed = f->now.stale;
+  const int renewed = f->now.stale, runs = !(f->now.phase & (FMU_FRESH | FMU_INITIALIZING | FMU_CONFIGURING));
+  for (int64_t i = 0; i < m->inputs; i++) f->w[RIGHT][m->input[i]] = f->u[i];
   if (renewed) {
+    if (runs && m->laws.laws.count) fmu_law_look(f);
     double *w = f->w[PARAMETRIC];
     for (int64_t i = 0; i < m->parameters; i++) w[m->parameter[i]] = f->p[i];
     forget(f);
@@ -205,14 +207,13 @@ void fmu_settle(fmu *f) {
     for (int64_t i = 0; i < m->given; i++) f->w[RIGHT][m->given_registers[i]] = w[m->given_registers[i]];
     for (int k = LOOK; k <= BEGIN; k++)
       for (int64_t i = 0; i < e->parameters; i++) f->w[k][e->parameter_registers[i]] = w[e->parameter_registers[i]];
-    if (f->now.phase & (FMU_FRESH | FMU_INITIALIZING | FMU_CONFIGURING)) { /* later the last solution is the nearest */
+    if (!runs) { /* later the last solution is the nearest */
       guess(f);
       f->call.solved = f->call.marked = f->now.closed = 0;
     }
     f->now.stale = 0;
     fmu_changed(f);
   }
-  for (int64_t i = 0; i < m->inputs; i++) f->w[RIGHT][m->input[i]] = f->u[i];
   for (int64_t i = 0; i < f->e.discrete; i++)
     if (f->w[RIGHT][e->registers[i]] != f->e.v[f->e.own[i]]) {
       f->w[RIGHT][e->registers[i]] = f->e.v[f->e.own[i]];
@@ -224,6 +225,7 @@ void fmu_settle(fmu *f) {
   if (!renewed) return;
   fmu_law_given(f);
   lmoc_law_renew(&f->laws);
+  if (runs) fmu_law_compare(f);
 }
 
 /* The equations at a place; loops are closed first as the scene is at its start, from where the way leads there. */

@@ -116,6 +116,7 @@ typedef struct {
   int32_t phase, co_simulation, stale, evaluated, observed, judged;
   int32_t settled, begun, ended;          /* discrete values agree; those of the start are past; the model has ended */
   int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found */
+  int32_t parted;                         /* parameters have been set that move what laws keep closed */
 } fmu_scalars;
 
 typedef struct fmu {

@@ -19,6 +19,17 @@ void fmu_law_given(fmu *f) {
     f->w[BY_FORCE][l->given_registers[i]] = f->w[BY_STATE][l->given_registers[i]] = f->w[RIGHT][l->given_registers[i]];
 }
 
+void fmu_law_look(fmu *f) {
+  fmu_law_given(f);
+  lmoc_law_look(&f->laws, f->now.time, f->x);
+}
+
+void fmu_law_compare(fmu *f) {
+  int found;
+  const int below = lmoc_law_parts(&f->laws, f->now.time, f->x, &found) != LMOC_SOLVED;
+  f->now.parted |= found || below; /* what is below zero is refused when it happens */
+}
+
 /* Levels that are rounding alone are zero. */
 static int exact(void *own, double time, const double *x, const lmoc_flag *which, double *bias) {
   const fmu *f = own;
@@ -171,7 +182,8 @@ int fmu_law_happen(fmu *f, const lmoc_flag *which) {
   allow(f);
   memcpy(f->before, f->x, size);
   f->failed = FMU_NO_VALUE;
-  const int status = lmoc_law_happen(&f->laws, f->now.time, f->x, which, 0);
+  const int status = lmoc_law_happen(&f->laws, f->now.time, f->x, which, f->now.parted);
+  f->now.parted = 0;
   if (status) return refused(f, status);
   note(f);
   f->now.jumped |= memcmp(f->before, f->x, size) != 0;

@@ -8,6 +8,8 @@
 void fmu_law_ask(fmu *f);               /* who is asked, and where the memory stands */
 void fmu_law_parameters(fmu *f);        /* quantities that are parameters */
 void fmu_law_given(fmu *f);             /* the laws are judged with the present parameters, inputs and discrete values */
+void fmu_law_look(fmu *f);              /* before parameters change … */
+void fmu_law_compare(fmu *f);           /* … and whether that has moved what is closed */
 void fmu_law_mode(fmu *f);              /* the mode into the registers */
 
 int64_t fmu_law_roots(const fmu *f);    /* two a law: the second where it sticks, else 1 */
