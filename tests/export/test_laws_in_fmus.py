@@ -209,6 +209,19 @@ def test_what_is_closed_stays_closed_in_the_plane(tmp_path) -> None:
         fmu.freeInstance()
 
 
+def test_a_start_beyond_a_stop_has_no_values(made) -> None:
+    """Not even where it is asked again, before the start is set otherwise."""
+    fmu, references = instance(made["Slider"][1])
+    fmu.enterInitializationMode(startTime=0.0)
+    fmu.setFloat64([references["m.q"]], [2.0])
+    for _ in range(2):
+        with pytest.raises(Exception, match="error"):
+            fmu.getFloat64([references["s.f"]])
+    fmu.setFloat64([references["m.q"]], [0.5])
+    assert fmu.getFloat64([references["s.f"]]) == [0.0]
+    fmu.freeInstance()
+
+
 def test_what_lies_on_an_input_moves_with_it(tmp_path) -> None:
     """At the start the input is zero: its velocity is no constant of the motion for that."""
     path = lmoc.compile_text(LIFT).export(tmp_path / "Lift.fmu", fmi=3).path

@@ -252,6 +252,7 @@ static int evaluate(fmu *f) {
   fmu_settle(f);
   if (!f->now.begun && !f->now.settled && (f->e.discrete || f->model->laws.laws.count)) {
     const int found = fmu_begin(f, 0);
+    f->now.settled = !found;
     if (found) return found;
   }
   if (f->now.evaluated) return FMU_GOOD;
