@@ -153,19 +153,21 @@ def answers(machine: Machine, cases: Sequence[Case], place: Path) -> list[Answer
 
 
 def _built(place: Path, options: str) -> Path:
-    """A copy of the package whose engine is built with further options, which count most as they come last."""
-    ignored = shutil.ignore_patterns("*.so", "__pycache__")
-    shutil.copytree(ROOT / "compiler" / "lmoc", place / "compiler" / "lmoc", ignore=ignored)
-    for folder in ("stdlib", "grammar"):
-        (place / folder).symlink_to(ROOT / folder)
+    """The package as pip installs it, its engine built with further options, which count most as they come last."""
+    source = place / "source"
+    ignored = shutil.ignore_patterns("*.so", "__pycache__", "*.egg-info")
+    for folder in ("compiler", "stdlib", "grammar"):
+        shutil.copytree(ROOT / folder, source / folder, ignore=ignored)
+    for file in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
+        shutil.copy(ROOT / file, source)
     compiler = place / "cc"
     compiler.write_text(f'#!/bin/sh\nexec cc "$@" {options}\n')
     compiler.chmod(0o755)
-    command = [sys.executable, "setup.py", "-q", "build_ext", "--build-lib", place / "compiler", "--build-temp", place]
+    command = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", place / "installed", source]
     environment = os.environ | {"CC": str(compiler)}
-    subprocess.run([str(word) for word in command], cwd=ROOT, env=environment, check=True, capture_output=True)
-    assert list((place / "compiler" / "lmoc" / "engine").glob("_engine*"))
-    return place / "compiler"
+    subprocess.run([str(word) for word in command], env=environment, check=True, capture_output=True)
+    assert list((place / "installed" / "lmoc" / "engine").glob("_engine*"))
+    return place / "installed"
 
 
 @contextmanager
