@@ -49,4 +49,4 @@ class Answers:
 
 def doubles(place: int, count: int) -> np.ndarray:
     """Return memory of C as an array, which the next call may overwrite."""
-    return np.frombuffer((ctypes.c_double * count).from_address(place)) if count else np.zeros(0)
+    return np.frombuffer(memoryview((ctypes.c_double * count).from_address(place))) if count else np.zeros(0)

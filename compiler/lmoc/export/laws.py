@@ -126,7 +126,9 @@ def _registers(plan: Plan, variables: np.ndarray) -> np.ndarray:
 
 def _noise(kinematics: ContactKinematics, run: Trajectory) -> np.ndarray:
     """Return bounds of what levels are by rounding alone, along a run."""
-    found = np.zeros(kinematics.form.count)
+    form = kinematics.form
+    assert form is not None
+    found = np.zeros(form.count)
     count = len(kinematics.plan.states)
     places = [(float(t), x) for s in run.segments for t, x in zip(s.time, s.table[:, :count], strict=True)]
     for t, x in places[:: max(1, len(places) // _SAMPLES)]:
