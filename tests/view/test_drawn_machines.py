@@ -102,3 +102,27 @@ def test_a_body_that_swings_hangs_from_its_pivot():
     assert bar.turn.variable == "bob.shaft.theta" and bar.turn.reference == 0.0
     x, y = bar.frame(turned=0.3).place(next(s for s in bar.shapes if isinstance(s, Line)).vertices[-1])
     assert x > bar.ends[0].x and y > bar.ends[0].y
+
+
+def test_a_differential_has_its_drive_across_and_its_sides_along_the_axle():
+    road = "FixedShaft road; TorsionDamper brake(c = 1);"
+    found = drawn(
+        f"Torque drive(tau = 10); Inertia engine(J = 0.2, {REST}); Differential d(N = 4); Inertia l(J = 1, {REST});"
+        f"Inertia r(J = 1); {road}",
+        "connect(drive.shaft, engine.shaft); connect(engine.shaft, d.drive); connect(d.left, l.shaft);"
+        "connect(d.right, r.shaft); connect(r.shaft, brake.a); connect(brake.b, road.shaft);",
+    )
+    centre = of(found, "d", "differential").ends[0]
+    engine, left, right = (of(found, name, "disk").ends[0] for name in ("engine", "l", "r"))
+    assert engine.y == centre.y and engine.x < centre.x
+    assert left.x == right.x == centre.x and left.y < centre.y < right.y
+    assert not [i for i in found.items if i.symbol in ("box", "continuation")]
+    # what leads to two shafts at once is drawn once, and numbers say where the other side goes on
+    locked = drawn(
+        f"Inertia engine(J = 0.2, {REST}); Differential d; Inertia l(J = 1, {REST}); Inertia r(J = 1);"
+        "TorsionDamper lock(c = 3);",
+        "connect(engine.shaft, d.drive); connect(d.left, l.shaft); connect(d.right, r.shaft);"
+        "connect(lock.a, l.shaft); connect(lock.b, r.shaft);",
+    )
+    assert len([i for i in locked.items if i.part in ("l", "r") and i.symbol == "disk"]) == 2
+    assert len([i for i in locked.items if i.symbol == "continuation"]) >= 2

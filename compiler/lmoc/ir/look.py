@@ -10,7 +10,7 @@ SYMBOLS = frozenset(
     wall mass spring damper spring-damper rod string elastic-string stop friction pulley beam moving-frame force motion
     fixed-shaft inertia disk turning-bar torsion-spring torsion-damper gear gear-pair planetary-gear torque rotation
     bearing-friction clutch brake ratchet backlash drum wheel arm lever
-    pendulum rack screw cam unbalance belt chain worm
+    pendulum rack screw cam unbalance belt chain worm differential
     ground anchor particle body bar link point pin slider weld guide rolling-wheel contact edge-contact disk-contact
     track disk-track none box
     """.split()

@@ -9,6 +9,7 @@ from lmoc.view.scene.strip import Strip
 
 JOINTS = (
     "pulley", "drum", "wheel", "arm", "lever", "beam", "guide", "slider", "pin", "rack", "screw", "cam", "unbalance",
+    "differential",
 )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.arrange import strips_of
 from lmoc.view.scene.belts import belts_of, draw_belt
 from lmoc.view.scene.block import Block, packed, tangled
+from lmoc.view.scene.differentials import WAYS, draw_differential, shaft_beside
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.levers import draw_lever, draw_pendulum
 from lmoc.view.scene.mounted import MOUNTED, draw_mounted, draw_unbalances
@@ -84,7 +85,8 @@ class Schematic:
 
     def block(self) -> Block:
         """Return everything, joints first, then what no joint has taken along."""
-        blocks = [*self._levers(), *self._belts(), *self._roads(), *self._mounted(), *self._ropes()]
+        blocks = [*self._levers(), *self._belts(), *self._roads(), *self._mounted()]
+        blocks += [*self._differentials(), *self._ropes()]
         blocks += [b for s in self.lines if id(s) not in self.hanging.used and (b := self._line(s)) is not None]
         blocks += [b for s in self.shafts if id(s) not in self.wheel_shafts and (b := self._shaft(s)) is not None]
         blocks = [b for b in blocks if b.items]
@@ -215,8 +217,8 @@ class Schematic:
 
     def _driver(self, node: int) -> Strip | None:
         """Return what turns a screw, where it can be drawn as a shaft from the side that ends at the screw."""
-        strip = next((s for s in self.shafts if node in s.nodes), None)
-        if strip is None or id(strip) in self.wheel_shafts or strip.links and gears_of(strip):
+        strip = self._sideways(node)
+        if strip is None:
             return None
         drawn = draw_strip(strip, self.style, RIGHT)
         left, _, right, _ = drawn.block.corners
@@ -224,6 +226,28 @@ class Schematic:
             return None
         self.wheel_shafts.add(id(strip))
         return strip
+
+    def _sideways(self, node: int) -> Strip | None:
+        """Return the shaft of a node, None where it is drawn already, or along its axis."""
+        strip = next((s for s in self.shafts if node in s.nodes), None)
+        if strip is None or id(strip) in self.wheel_shafts or strip.links and gears_of(strip):
+            return None
+        return strip
+
+    def _differentials(self) -> list[Block]:
+        held = {e.ports[0].node: e for e in self.elements if e.symbol == "fixed-shaft"}
+        blocks = []
+        for element in self._joints(("differential",)):
+            shafts = {}
+            for port in WAYS:
+                node = element.port(port).node
+                strip = self._sideways(node)
+                drawn = None if strip is None else shaft_beside(strip, node, port, self.style)
+                if drawn is not None:
+                    self.wheel_shafts.add(id(strip))
+                    shafts[port] = drawn
+            blocks.append(draw_differential(element, shafts, held, self.style))
+        return blocks
 
     def _with_line(self, strip: Strip | None, drawn: Callable[[Strip | None], Block]) -> Block:
         """Return what is drawn with a line; without it where that is too long, or what is on it needs its room."""

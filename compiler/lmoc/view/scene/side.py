@@ -58,8 +58,8 @@ def _disk(layout: Layout, node: int, tall: float, angle: str) -> None:
     shape = symbols.path((left, top), (right, top), (right, bottom), (left, bottom), closed=True, fill="body")
     layout.items.append(Item("disk", part, (end,), (shape,), Turn(), {"angle": angle}))
     layout.items += [Item("disk", e.name, (end,), ()) for e in layout.strip.bodies(node)[1:]]
-    x, y = (tall + 8, 0.0) if layout.upright else (0.0, -tall - 10)
-    layout.labels.append(symbols.label(layout.title(node), end, x, y, "middle", part))
+    x, y, anchor = (tall + 8, 0.0, "start") if layout.upright else (0.0, -tall - 10, "middle")
+    layout.labels.append(symbols.label(layout.title(node), end, x, y, anchor, part))
 
 
 def around(
