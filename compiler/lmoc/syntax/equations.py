@@ -31,13 +31,14 @@ class EquationActions(ExpressionActions):
 
     def assignment(self, v: list, start: int, end: int) -> tree.Assignment:
         target, value, comment = v
-        if not isinstance(target, (tree.Ref, tree.Tuple)):
-            self.report.error(
-                "E0111",
-                "only a variable can be assigned to",
-                target.span,
-                expected="a name, or '(a, b)' for a function with several results",
-            )
+        for item in target.items if isinstance(target, tree.Tuple) else (target,):
+            if item is not None and not isinstance(item, tree.Ref):
+                self.report.error(
+                    "E0111",
+                    "only a variable can be assigned to",
+                    item.span,
+                    expected="a name, or '(a, b)' for a function with several results",
+                )
         return tree.Assignment(target, value, self.span(start, end), *comment)
 
     def wrong_assignment(self, v: list, start: int, end: int) -> tree.Assignment:

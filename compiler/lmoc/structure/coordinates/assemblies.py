@@ -242,10 +242,10 @@ class Loops:
         basis, w = self.turns.basis, self.wishes
         if not len(basis):
             return x
-        weight = np.where(w.level == 0, 0.1 ** np.minimum(w.rank, 2), np.array([1.0, 1.0, 1e-3, 1e-6])[w.level + 1])
-        weight = np.where(self.turns.angle[w.place], weight, 0.0)
-        effect = TURN * basis[:, w.place] * w.factor
-        z = nearest_turns(weight * w.missed(x), weight * effect)
+        own = self.turns.angle[w.place]
+        weight = np.where(w.level == 0, 0.1 ** np.minimum(w.rank, 2), 1.0)[own]
+        steps, size, level = basis[:, w.place[own]], TURN * (weight * w.factor[own]), np.maximum(w.level[own], 0)
+        z = nearest_turns(weight * w.missed(x)[own], steps, size, level)
         result: np.ndarray = x + TURN * z @ basis
         return result
 
