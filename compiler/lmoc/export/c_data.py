@@ -18,6 +18,7 @@ from lmoc.numerics.dop853.rules import RULES
 from lmoc.numerics.evaluate import engine_stepper
 
 _PER_LINE = 12
+_EMPTY = Tape(0, 0, (np.zeros(0), np.zeros(0)), 0, np.zeros(1, int), np.zeros(0, int), (), np.zeros(0, int))
 
 
 class _Writer:
@@ -105,8 +106,7 @@ def _laws(w: _Writer, own: Executable) -> str:
     """Write the laws of a scene; return the initializer of ``fmu_laws``, all zero without any."""
     laws, states, count = own.laws, len(own.plan.states), own.plan.count
     if laws is None:
-        empty = Tape(0, 0, (np.zeros(0), np.zeros(0)), 0, np.zeros(1, int), np.zeros(0, int), (), np.zeros(0, int))
-        return f"{{.by_force = {w.tape(empty, True)}, .by_state = {w.tape(empty, True)}}}"
+        return f"{{.by_force = {w.tape(_EMPTY, True)}, .by_state = {w.tape(_EMPTY, True)}}}"
     t = laws.table
     numbers = [w.ints(v, "int64_t") for v in (t.degree, t.normal)]
     flags = [w.ints(v, "lmoc_flag") for v in (t.complementary, t.dry, t.contact)]
@@ -117,6 +117,18 @@ def _laws(w: _Writer, own: Executable) -> str:
     tables = (laws.given, *laws.entries, laws.quantity, *places, laws.inputs, laws.held, laws.read)
     parts = [form, *(w.ints(m, "lmoc_flag") for m in masks), *tapes, str(len(laws.given)), *map(w.ints, tables)]
     return "{" + ", ".join([*parts, w.reals(laws.noise), *map(w.texts, laws.texts)]) + "}"
+
+
+def _jumps(w: _Writer, own: Executable) -> str:
+    """Write what may step; return the initializer of ``fmu_jumps``, all zero where nothing does."""
+    j = own.jumps
+    if j is None:
+        return f"{{.rates = {w.tape(_EMPTY, True)}}}"
+    judged = len(j.results) - len(own.plan.states)
+    counts = len(j.registers), len(j.which), len(j.tables[0]), judged, len(j.kept[0]), len(j.early)
+    tables = (j.registers, *j.tables, own.plan.ledger, j.which, j.given, j.results, *j.kept, j.early)
+    parts = [*map(str, counts), w.tape(j.rates, not own.branches), *map(w.ints, tables), w.texts(j.names)]
+    return "{" + ", ".join(parts) + "}"
 
 
 def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
@@ -143,6 +155,7 @@ def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
         len(own.kept), len(own.unknowns), len(own.breaks), len(own.outputs), int(own.branches),
     ]  # fmt: skip
     parts = [", ".join(map(str, counts)), *tapes, ", ".join(tables), f"{{{rules}}}", _events(w, own), _laws(w, own)]
+    parts.append(_jumps(w, own))
     body = ",\n".join(parts)
     start, stop = float(own.run.time[0]), float(own.run.trajectory.planned)
     ends = f"{_real(start)}, {_real(stop - start)}, {_real(tolerance)}"

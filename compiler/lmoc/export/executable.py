@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.export.instants import Instants, instants
+from lmoc.export.jumps import JumpTables, jump_tables
 from lmoc.export.laws import LawTables, law_tables, why_not
 from lmoc.export.variables import Variable, listed
 from lmoc.expression.dag import ONE, depends_on_time, slot
@@ -24,10 +25,8 @@ from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.plan import Plan, build_plan
-from lmoc.numerics.plan.steps import stepping_inputs
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, default_signals
 from lmoc.numerics.solve.jacobian import Jacobian
-from lmoc.structure.laws.degree import dependent
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
@@ -62,6 +61,7 @@ class Executable:
     branches : nonlinear blocks are closures of loops
     events : Instants
     laws : LawTables; None where there are none
+    jumps : JumpTables; None where nothing steps
     variables : in the order of their value references, from 1 on
     zero_inputs : {name: 0} of inputs that the model leaves open
     held : names of parameters that cannot be set, since structure or start depend on them
@@ -93,6 +93,7 @@ class Executable:
     branches: bool
     events: Instants
     laws: LawTables | None
+    jumps: JumpTables | None
     variables: tuple[Variable, ...]
     zero_inputs: dict[str, float]
     held: tuple[str, ...]
@@ -114,7 +115,6 @@ def executable(dae: CompiledDAE) -> Executable:
     report.check()
     if why := why_not(plan):
         raise refusal(flat, why)
-    _refuse_steps(plan, signals)
     zero_inputs = {flat.variable_name(v): 0.0 for v in open_inputs}
     run = dae.simulate(energy=False, inputs=zero_inputs)
     _refuse_run(flat, run)
@@ -130,8 +130,10 @@ def executable(dae: CompiledDAE) -> Executable:
     _check_same_start(plan, first)
     values = plan.reduced.flat.extended(dae.values)
     laws = law_tables(plan, values, signals, _inputs, run.trajectory) if reduced.switched is not None else None
-    read = np.zeros(0, int) if laws is None else laws.read
-    events = instants(plan, values, lambda: _longest(dae, plan, base, signals, span), read)
+    jumps = jump_tables(plan)
+    nothing = np.zeros(0, int)
+    read = nothing if laws is None else laws.read.ravel(), nothing if jumps is None else jumps.registers
+    events = instants(plan, values, lambda: _longest(dae, plan, base, signals, span), np.concatenate(read))
     tried = _Tried(dae, plan, signals, zero_inputs, span, start)
     settable, held = tried.settable()
     variables = listed(dae, plan, inputs, exported, settable, events, [] if laws is None else laws.indicator_texts)
@@ -149,7 +151,7 @@ def executable(dae: CompiledDAE) -> Executable:
         guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0),
         inputs, base[inputs], settable, start, np.where(nominal > 0, nominal, 1.0),
         kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, laws,
-        variables, zero_inputs, held,
+        jumps, variables, zero_inputs, held,
     )  # fmt: skip
 
 
@@ -175,21 +177,6 @@ def _refuse_run(flat: FlatDAE, run: Run) -> None:
     for one in segments[1:]:
         if not np.array_equal(one.observer.plan.reduced.states, segments[0].observer.plan.reduced.states):
             raise refusal(flat, f"its coordinates change along the motion, at t = {one.begin:.6g} s")
-
-
-def _refuse_steps(plan: Plan, signals: dict[int, Signal]) -> None:
-    """Refuse a motion that is prescribed and jumps: velocities would jump with it."""
-    flat = plan.reduced.flat
-    names = [flat.variable_name(v) for v in stepping_inputs(plan, signals)]
-    if flat.events is not None:
-        from lmoc.numerics.events.steps import Steps
-
-        steps = plan.once(Steps)
-        discrete = dependent(plan.full_program, plan.reduced.register_of[flat.events.discrete], plan.count)
-        own = steps.registers[steps.moving]
-        names += [plan.reduced.register_name(int(r)) for r in own[discrete[own]]]
-    if names:
-        raise refusal(flat, f"the motion prescribed by '{names[0]}' has kinks or jumps")
 
 
 def _inputs(plan: Plan) -> np.ndarray:

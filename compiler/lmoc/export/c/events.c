@@ -193,6 +193,7 @@ static int judge(fmu *f) {
 static int event(fmu *f, int due, double instant, const double *which, const double *turn_back) {
   lmoc_instant *e = &f->e;
   int found;
+  for (int64_t i = 0; i < e->discrete; i++) f->before_event[i] = e->v[e->own[i]];
   if ((found = lmoc_take(e, f->now.time, f->x))) return found;
   lmoc_remember(e);
   if (due) lmoc_ring(e, instant);
@@ -204,6 +205,7 @@ static int event(fmu *f, int due, double instant, const double *which, const dou
   found = lmoc_event(e, f->x);
   f->now.jumped |= e->jumped != 0;
   fmu_changed(f);
+  if (!found) found = fmu_discrete_steps(f, f->before_event);
   return found == LMOC_UNSETTLED ? fmu_unsettled(f) : found ? found : judge(f);
 }
 
@@ -251,6 +253,7 @@ int fmu_happen(fmu *f) {
   const int64_t laws = f->model->laws.laws.count;
   int found;
   f->now.jumped = 0;
+  if ((found = fmu_input_steps(f))) return found;
   if (f->now.ended || !(f->e.discrete || laws)) return FMU_GOOD;
   fmu_settle(f);
   fmu_law_given(f); /* what discrete values change now is a step for the laws */
@@ -287,6 +290,7 @@ static int begin_discrete(fmu *f, int for_good) {
   int some = 0, found, changed = 1;
   for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = m->start[i];
   e->literal = 1;
+  for (int64_t i = 0; i < f->model->jumps.early; i++) e->early[f->model->jumps.early_ones[i]] = 1;
   if (m->initial >= 0) e->v[m->initial] = 1;
   if ((found = e->look(e, t, f->x))) return found;  /* which brings the parameters */
   lmoc_remember(e);
@@ -327,6 +331,7 @@ int fmu_begin(fmu *f, int for_good) {
   f->now.jumped = 0;
   f->now.begun |= for_good;
   if (f->e.discrete && (found = begin_discrete(f, for_good))) return found;
+  if (for_good && (found = fmu_input_steps(f))) return found;
   if (laws && (found = fmu_law_begin(f, for_good))) return found;
   if (laws && f->e.discrete && for_good) {
     memcpy(f->law_before, f->x, f->model->states * sizeof(double));

@@ -5,10 +5,12 @@
 
 #include <stdlib.h>
 
+static const double SHORTEST = 8e-16; /* share of the time, up to which DOP853 has no step (`engine/c/walk.c`) */
+
 static const fmu_tape *tape_of(const fmu_model *m, int k) {
   const fmu_events *e = &m->events;
   const fmu_tape *all[] = {&m->parametric, &m->right, &m->observe, &m->slopes, &e->look, &e->assign, &e->line, &e->begin,
-                           &m->laws.by_force, &m->laws.by_state};
+                           &m->laws.by_force, &m->laws.by_state, &m->jumps.rates};
   return all[k];
 }
 
@@ -77,6 +79,9 @@ static int64_t place_memory(fmu *f) {
   TAKE(law_read, 4*laws);
   TAKE(law_before, m->states);
   TAKE(law_moved, m->states);
+  TAKE(step, fmu_jump_room(m));
+  TAKE(before_event, i->discrete);
+  TAKE(at_event, i->discrete);
   double *scratch;
   scratch = at ? at + total : 0, total += i->told;
   f->e.found = (int64_t *)scratch;
@@ -410,16 +415,12 @@ int fmu_accept(fmu *f) {
   return fmu_holds(f);
 }
 
-static double next_break(const fmu *f) {
+double fmu_next_break(const fmu *f) {
   const int64_t k = f->now.first_break;
   return k < f->model->breaks ? f->model->break_times[k] : INFINITY;
 }
 
-double fmu_next(const fmu *f) { return fmin(next_break(f), f->now.next); }
-
-void fmu_pass_breaks(fmu *f) {
-  while (next_break(f) <= f->now.time) f->now.first_break++;
-}
+double fmu_next(const fmu *f) { return fmin(fmu_next_break(f), f->now.next); }
 
 static double first_step(fmu *f, double span, const double *slope, const double *atol, double *x, double *trial) {
   const int64_t n = f->model->states;
@@ -516,12 +517,11 @@ int fmu_advance(fmu *f, double end) {
   if (found) return found;
   if (fmu_passed(f) && happen(f, &found)) return found; /* inputs and parameters may have been set */
   while (f->now.time < end) {
-    fmu_pass_breaks(f);
-    const double jump = next_break(f), next = fmin(fmu_next(f), end);
+    const double jump = fmu_next_break(f), next = fmin(fmu_next(f), end);
     /* the last stage of a step before a jump must not see what comes behind it */
     const double until = jump <= next ? next - 4e-16*fabs(next) : next;
     int root = 0;
-    if (until > f->now.time) {
+    if (until - f->now.time > SHORTEST * fabs(until)) { /* an ulp is no step: a tick just before a communication point */
       found = f->model->states ? smooth(f, until, &root) : pass_time(f, until, &root);
       if (found) return found;
     }
@@ -530,7 +530,8 @@ int fmu_advance(fmu *f, double end) {
       fmu_changed(f);
       if (jump <= next) {
         f->now.wish = 0;
-        root = fmu_passed(f);
+        root = fmu_passed(f) || f->model->jumps.count;
+        if (!root) found = fmu_input_steps(f);
       }
     }
     if ((root || f->now.time >= f->now.next) && happen(f, &found)) return found;

@@ -9,6 +9,7 @@
 #include "beside.h"
 #include "free_dynamics.h"
 #include "hops.h"
+#include "jump.h"
 #include "law_run.h"
 #include "roots.h"
 #include "walk.h"
@@ -64,6 +65,18 @@ typedef struct {
   const char *const *names, *const *closings, *const *openings;
 } fmu_laws;
 
+/* The values that may step while the equations hold derivatives of them, as `export/jumps.py` describes them. */
+typedef struct {
+  int64_t count, given, rows, judged, kept, early;
+  fmu_tape rates;
+  const int32_t *registers;               /* (count,) of `look` */
+  const int32_t *lower, *upper, *origin, *second, *ledger;  /* (`jump.h`) */
+  const int32_t *which, *own, *results;   /* (given,), (given,), (states + judged,) of `rates` */
+  const int32_t *from, *to;               /* (kept,) registers of `right`, and of `rates`, which begins with their values */
+  const int32_t *early_ones;              /* (early,) relations that are at the start what they were right before */
+  const char *const *names;               /* (count,) */
+} fmu_jumps;
+
 typedef struct {
   const char *token;
   int64_t registers, variables, states, inputs, parameters, given, kept, unknowns, breaks, outputs;
@@ -87,6 +100,7 @@ typedef struct {
   lmoc_rules rules;
   fmu_events events;
   fmu_laws laws;
+  fmu_jumps jumps;
   double start_time, span, tolerance;     /* s, of the experiment */
 } fmu_model;
 
@@ -102,7 +116,7 @@ enum {
 enum { FMU_GOOD, FMU_NO_VALUE, FMU_WRONG };
 
 /* The tapes of an instance. */
-enum { PARAMETRIC, RIGHT, OBSERVE, SLOPES, LOOK, ASSIGN, LINES, BEGIN, BY_FORCE, BY_STATE, TAPES };
+enum { PARAMETRIC, RIGHT, OBSERVE, SLOPES, LOOK, ASSIGN, LINES, BEGIN, BY_FORCE, BY_STATE, JUMP, TAPES };
 
 /* What a function of FMI returns; the last only in 2.0. */
 typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING } status;
@@ -134,6 +148,7 @@ typedef struct fmu {
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
   double *known, *restitution, *errors, *unresolved;  /* of the laws */
   double *law_read, *law_before, *law_moved;
+  double *step, *before_event, *at_event;       /* values on both sides (`jumps.c`), and discrete ones */
   lmoc_flag *law_which;                         /* (2 n,) */
   double *work, *noise, *moved, *root, *which, *turn, *before, *at;
   int64_t doubles, pivot_count;
@@ -159,7 +174,6 @@ void fmu_set_states(fmu *f, const double *x);
 
 /* At the start of simulation, and whenever the other side says that a step is accepted. */
 int fmu_accept(fmu *f);
-void fmu_pass_breaks(fmu *f);
 
 /* Integrate to a time; `f->now.time` is where it has come to. */
 int fmu_advance(fmu *f, double end);
@@ -184,7 +198,13 @@ int fmu_happen(fmu *f);                                 /* all that happens at a
 int fmu_asks(fmu *f, const double *values);             /* whether anything has to happen with such values … */
 int fmu_passed(fmu *f);                                 /* … as they are now: the other side has missed it */
 int fmu_holds(fmu *f);                                  /* FMU_WRONG where an assertion about the motion does not hold */
-double fmu_next(const fmu *f);                          /* s, of the next time event or break */
+double fmu_next(const fmu *f);                          /* s, of the next time event or break … */
+double fmu_next_break(const fmu *f);                    /* … and of the next break */
+
+/* What steps that the equations hold derivatives of (`jumps.c`): the states may jump. */
+int64_t fmu_jump_room(const fmu_model *m);
+int fmu_input_steps(fmu *f);                            /* at the breaks that the time has come to, which are past then */
+int fmu_discrete_steps(fmu *f, const double *before);   /* with the discrete values before an event, and now */
 
 /* When one of them first leaves its side within the last step (`events.c`): s, infinity where none does. */
 int fmu_first_root(fmu *f, double begin, double end, int (*states)(void *own, double time, double *x), void *own,

@@ -192,6 +192,14 @@ int fmu_law_happen(fmu *f, const lmoc_flag *which) {
   return FMU_GOOD;
 }
 
+int fmu_law_strike(fmu *f, const double *before) {
+  fmu_law_given(f);
+  f->failed = FMU_NO_VALUE;
+  const int status = lmoc_law_strike(&f->laws, f->now.time, before, f->x);
+  fmu_changed(f);
+  return status ? refused(f, status) : FMU_GOOD;
+}
+
 static int renew(void *own) {
   fmu_settle(own);
   fmu_law_given(own);

@@ -17,6 +17,7 @@ void fmu_law_indicators(fmu *f, double *out);  /* at a place that has been looke
 void fmu_law_watch(fmu *f);             /* a segment begins there */
 
 int fmu_law_begin(fmu *f, int for_good);
+int fmu_law_strike(fmu *f, const double *before);  /* the states have stepped from there, and what is closed keeps closed */
 int fmu_law_happen(fmu *f, const lmoc_flag *which);
 int fmu_law_settle(fmu *f, int (*settle)(void *own, double time, double *x)); /* with the discrete equations */
 

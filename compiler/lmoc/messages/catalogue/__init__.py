@@ -128,8 +128,8 @@ CATALOGUE: dict[str, Entry] = {
         "a scene that cannot be an FMU",
         "FMUs are made of masses, springs, gears, mechanisms that keep their coordinates, blocks, inputs, of laws\n"
         "that switch (stops, ropes, friction, contacts), and of what happens at instants: `when`, relations, samples,\n"
-        "assertions. Friction between springs alone, laws in mechanisms with closed loops, prescribed motions that\n"
-        "jump, and mechanisms whose coordinates change along the motion cannot be exported yet (docs/fmi.md).",
+        "assertions. Friction between springs alone, laws in mechanisms with closed loops, and mechanisms whose\n"
+        "coordinates change along the motion cannot be exported yet (docs/fmi.md).",
     ),
     "E0663": Entry(
         "no single equilibrium",

@@ -152,10 +152,9 @@ class DiscreteState:
     def literal(self, value: bool) -> None:
         self._instant.data.literal = int(value)
 
-    def take_early(self, relations: frozenset[int]) -> None:
+    def take_early(self, rows: np.ndarray) -> None:
         """Have relations of time be what they were right before, as long as others are taken as they are written."""
-        for k in relations:
-            self._instant.early[self.layout.first[k] : self.layout.first[k + 1]] = 1.0
+        self._instant.early[rows] = 1.0
 
     # ----------------------------------------------------------------------- looking
 

@@ -14,7 +14,7 @@ from lmoc.messages.diagnostics import Report, Subject
 from lmoc.numerics.events.chatter import Crossings, where
 from lmoc.numerics.events.discrete_state import DiscreteState, Happened, NotAState, Unsettled, differ, near_to
 from lmoc.numerics.events.layout import EventLayout
-from lmoc.numerics.events.steps import Steps
+from lmoc.numerics.events.steps import moving_relations
 from lmoc.numerics.events.trials import leave_fold
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
@@ -22,7 +22,6 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Outcome, Roots
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
-from lmoc.structure.laws.degree import dependent
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.change import RunState
@@ -112,7 +111,7 @@ class EventHandler:
             discrete.remember()
             if near is not None:
                 discrete.suppose(near.observer.plan.reduced.register_of, near.w)
-            discrete.take_early(self._moving_relations())
+            discrete.take_early(moving_relations(self.layout.plan))
             x = self._first(states)
         discrete.literal = False
         discrete.remember()
@@ -121,17 +120,6 @@ class EventHandler:
         if self.next <= self.begin + near_to(self.begin):
             return self._event(self.begin, x, "time")
         return x
-
-    def _moving_relations(self) -> frozenset[int]:
-        """Return the relations of time that decide about what has derivatives: a jump of it at the start is one."""
-        layout = self.layout
-        plan = layout.plan
-        jets = plan.once(Steps).registers
-        if not len(jets):
-            return frozenset()
-        targets = [(timed.relation, layout.events.relations[timed.relation].target) for timed in layout.timed]
-        found = ((k, dependent(plan.full_program, plan.reduced.register_of[own], plan.count)) for k, own in targets)
-        return frozenset(k for k, depends in found if depends[jets].any())
 
     def _first(self, states: Starter) -> np.ndarray:
         discrete, events = self.discrete, self.layout.events

@@ -12,17 +12,20 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from lmoc.engine.jump import ENDLESS, JUMPED, JumpOfStates, steps_between
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.law import NONE
 from lmoc.ir.program import needed_steps, read, walk, written
-from lmoc.numerics.events.impulse import Array, JumpInstant, NoImpulse, PlanValues, Push, way
+from lmoc.numerics.events.impulse import WHY_NOT, GivenProgram, NoImpulse, given_program, law_registers
+from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
+from lmoc.structure.laws.degree import dependent
 from lmoc.support.records import dataclass
 
-_CONTINUOUS = 1e-9  # share of a value by which it may change at an event and still be continuous
-_BENT = 1e-2  # share of what a variable changes from one place nearby to the next
+Array = NDArray[np.float64]
+
 _BESIDE = 1e-13  # s, or this share of the time: what lies just before an instant, and just after it
 
 
@@ -69,7 +72,27 @@ class Steps:
         self.stored = register >= 0 and len(self.registers) > 0
         wanted = np.append(self.registers, register) if self.stored else self.registers
         self.readout = Readout(plan, plan.full_program, plan.count, wanted)
-        self._rates: PlanValues | None = None
+
+    @cached_property
+    def tables(self) -> tuple[Array, ...]:
+        """The tables of `engine/c/jump.h`, but for the ledger."""
+        place = np.full(self.plan.count + 1, NONE)  # the last one: there is none
+        place[self.given] = np.arange(len(self.given))
+        return place[self.lower], place[self.upper], place[self.origin], self.second
+
+    @cached_property
+    def given(self) -> NDArray[np.int64]:
+        """Registers that can be given: `registers`, then the derivatives that are not among them."""
+        return np.concatenate([self.registers, np.setdiff1d(self.upper, self.registers)])
+
+    @cached_property
+    def program(self) -> GivenProgram:
+        """The rates where some of `given` are given."""
+        return given_program(self.plan, self.given, self.upper)
+
+    @cached_property
+    def _rates(self) -> Readout:
+        return Readout(self.plan, self.program.steps, self.program.count, self.program.results)
 
     def __bool__(self) -> bool:
         return len(self.registers) > 0
@@ -108,57 +131,63 @@ class Steps:
         """
         if not self:
             return None
-        old, new, change = self._change(t, x, before, after, signals)
+        old, change = self._change(t, x, before, after, signals)
+        stored_before, count = old[-1], len(self.registers)
+        old, change = (np.concatenate([v[:count], np.zeros(len(self.given) - count)]) for v in (old, change))
         if not change.any():
             return None
-        steps = dict(zip(self.registers.tolist(), change.tolist(), strict=True))
-        old_of = dict(zip(self.registers.tolist(), old.tolist(), strict=False))
-        jumping = {r: d for r, d in steps.items() if d}
-        rows = list(zip(self.lower.tolist(), self.upper.tolist(), self.origin.tolist(), self.second, strict=True))
-        impulse = {upper: jumping[lower] for lower, upper, _, _ in rows if lower in jumping}
-        double = {upper: jumping[origin] for _, upper, origin, second in rows if second and origin in jumping}
-        if self._rates is None:
-            self._rates = PlanValues(self.plan)
-        instant, left = JumpInstant(t, after, signals), {r: old_of[r] for r in jumping}
-        push = Push(self._rates, instant, left, jumping, impulse, double)
-        register = next(iter(jumping))
-        name, value = self.plan.reduced.register_name(register), old_of[register]
-        try:
-            if double and push.needs_second(x):
-                raise NoImpulse(
-                    "the motion needs its second derivative, which is more than an impulse there "
-                    "(give a ramp of finite length instead of a step)"
-                )
-            moved = way(push, x)
-        except NoImpulse as none:
-            what = f"'{name}' jumps from {value:.6g} to {value + jumping[register]:.6g} at t = {t:.6g} s"
-            raise NoImpulse(f"{what}, and {none}") from None
+        jump = self._of_states(t, after, signals)
+        status, moved = jump.states(old, change, x)
+        first = int(np.flatnonzero(change)[0])
+        name, value = self.plan.reduced.register_name(int(self.given[first])), old[first]
+        behind = value + change[first]
+        if status != JUMPED:
+            what = f"'{name}' jumps from {value:.6g} to {behind:.6g} at t = {t:.6g} s"
+            raise NoImpulse(f"{what}, and {WHY_NOT[status]}")
         work = np.nan
-        if not push.is_endless(x):
-            work = float(self.values(t, x + moved, after, signals)[-1] - old[-1]) if self.stored else 0.0
-        return Jump(name, value, value + jumping[register], x + moved, bool(moved.any()), work)
+        if jump.work(old, change, x) != ENDLESS:
+            work = float(self.values(t, x + moved, after, signals)[-1] - stored_before) if self.stored else 0.0
+        return Jump(name, value, behind, x + moved, bool(moved.any()), work)
+
+    def _of_states(self, t: float, after: Array, signals: Mapping[int, Signal]) -> JumpOfStates:
+        own = self.program
+        base = np.concatenate([after, np.zeros(own.count - len(after))])
+        base[law_registers(self.plan)] = 0.0
+
+        def values(x: Array, which: Array, given: Array) -> Array:
+            base[own.which], base[own.given] = which, given
+            self._rates.prepare(base, signals)
+            return self._rates(t, x)
+
+        judged = len(own.results) - len(self.plan.derivatives)
+        return JumpOfStates((*self.tables, self.plan.ledger), len(self.given), judged, values)
 
     def _change(
         self, t: float, x: Array, before: Array, after: Array, signals: Mapping[int, Signal]
-    ) -> tuple[Array, Array, Array]:
-        """Return the values on both sides of an instant, and what the variables jump by; otherwise as `jump`.
+    ) -> tuple[Array, Array]:
+        """Return the values before an instant, and what they step by; otherwise as `jump`.
 
         Inputs are functions of time: what they are at the instant itself follows from two values on each side.
         """
         if before is after:
             aside = _BESIDE * max(1.0, abs(t))
-            near, far = ([self.values(t + k * s * aside, x, after, signals) for s in (-1, 1)] for k in (1, 2))
-            (old, new), bends = (2 * n - f for n, f in zip(near, far, strict=True)), sum(map(_bend, near, far))
+            every = [self.values(t + k * aside, x, after, signals) for k in (-1, -2, 1, 2)]
         else:
-            old, new, bends = *(self.values(t, x, b, signals) for b in (before, after)), 0.0
-        count = len(self.registers)
-        change = (new - old)[:count]
-        small = _CONTINUOUS * np.maximum(np.abs(old), np.abs(new)) + bends
-        return old, new, np.where(np.abs(change) <= small[:count], 0.0, change)
+            every = [self.values(t, x, b, signals) for b in (before, before, after, after)]
+        (old, _), change = steps_between(np.stack(every))
+        return old, change
 
 
-def _bend(near: Array, far: Array) -> Array:
-    return _BENT * np.abs(near - far)
+def moving_relations(plan: Plan) -> NDArray[np.int64]:
+    """Return the rows of the relations of time that decide about what has derivatives: a jump of it at the start is
+    one."""
+    layout, jets = plan.once(EventLayout), plan.once(Steps).registers
+    found = [np.zeros(0, int)]
+    for timed in layout.timed if len(jets) else ():
+        own = plan.reduced.register_of[layout.events.relations[timed.relation].target]
+        if dependent(plan.full_program, own, plan.count)[jets].any():
+            found.append(np.arange(layout.first[timed.relation], layout.first[timed.relation + 1]))
+    return np.unique(np.concatenate(found))
 
 
 def _input_jets(plan: Plan) -> set[tuple[int, int, int]]:
