@@ -57,6 +57,10 @@ class Equilibration:
         self.ranges = np.where(ranges > 0, ranges, 1.0)
         self.factor = scales[0][:, None] * scales[1]
 
+    def served(self) -> np.ndarray:
+        """Return the sizes (rows, columns) that the factors were made for."""
+        return self.bound / GROWN
+
     def scaled(self, matrix: np.ndarray) -> np.ndarray:
         """Return a matrix (rows, columns) in which rows and columns of the sizes so far have one length."""
         self.factors()

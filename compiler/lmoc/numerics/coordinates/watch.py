@@ -237,7 +237,7 @@ class CoordinateWatch:
         def margin(t: float) -> float:
             states, solutions = found.at(np.array([t]))
             self.system.rhs_near(t, states[0], self.unknowns, solutions[0], rate)
-            return self._rank_margin(self._sizes.scaled(self._matrix(t, states[0])))
+            return self._rank_margin(self._sizes.scaled(self._matrix(t, states[0])), self._sizes)
 
         last = len(found.times) - 1
         k = int(np.argmin([margin(t) for t in found.times.tolist()]))
@@ -318,13 +318,13 @@ class CoordinateWatch:
         plain = columns[: own.rows, None] * table / columns[own.rows :]
         sign = float(np.prod(np.frombuffer(signs, np.int8))) if signs else 0.0
         found = scaled(plain[own.watched], sign, own.watched, self._sizes.ranges)
-        return replace(found, signs=signs), form.local(even, factors, table)
+        return replace(found, signs=signs), form.local(even, self._sizes, table)
 
     def _vanishes(self, place: ConstraintState) -> bool:
         return vanishes(place.matrix) if self._form is None else self._form.vanishes(place.matrix)
 
-    def _rank_margin(self, even: np.ndarray) -> float:
-        return rank_margin(even) if self._form is None else self._form.local(even).margin
+    def _rank_margin(self, even: np.ndarray, sizes: Equilibration | None = None) -> float:
+        return rank_margin(even) if self._form is None else self._form.local(even, sizes).margin
 
     def _make_condition(self) -> None:
         if self._condition is None and self._parts is not None:
@@ -387,7 +387,7 @@ class CoordinateWatch:
         """The blocks of a place in the sizes that entries have by now."""
         factors = self._sizes.factors()
         if place.local is None or place.local.factors is not factors:
-            place = replace(place, local=self._form.local(self._sizes.scaled(place.matrix), factors))
+            place = replace(place, local=self._form.local(self._sizes.scaled(place.matrix), self._sizes))
         return place.local
 
     def _keeps_on(self, place: ConstraintState) -> bool:
