@@ -94,9 +94,10 @@ def exchanged_energy(flat: FlatDAE, segments: Sequence[tuple[Observe, np.ndarray
     thinned = [(observe, times[:: -(-count // most)], x[:: -(-count // most)]) for observe, times, x in segments]
     times = np.concatenate([t for _, t, _ in thinned])
     total = np.zeros(len(times))
-    for group, expression, own in _energy_groups(flat):
-        used = distinct(group.slots[own])
-        values = np.concatenate([observe(used, t, x) for observe, t, x in thinned])
+    groups = list(_energy_groups(flat))
+    used = distinct(np.concatenate([np.zeros(0, int), *(group.slots[own].ravel() for group, _, own in groups)]))
+    values = np.concatenate([observe(used, t, x) for observe, t, x in thinned])
+    for group, expression, own in groups:
         columns = np.searchsorted(used, group.slots[own])
         for term in _terms(expression):
             value = evaluate(term, lambda k, _: values[:, columns[:, k]], times[:, None])  # noqa: B023
