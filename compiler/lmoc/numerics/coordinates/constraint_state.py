@@ -18,9 +18,9 @@ class ConstraintState:
     Attributes
     ----------
     t, x : s, (n,)
-    matrix : of the constraints
+    matrix : of the constraints; its entries alone where they are seen block by block
     found : Tableau
-    scaled : the matrix, in rows and columns of one length
+    scaled : the same, in rows and columns of one length
     least : what its smallest singular value is not below
     solutions : of the nonlinear blocks, in the order of `CoordinateWatch.unknowns`
     coordinates : their values, by the columns of the constraints; none where the system does not tell
@@ -56,6 +56,6 @@ class ConstraintState:
         """
         if not len(self.coordinates):
             return np.zeros(0)
-        way, rows = later.coordinates - self.coordinates, len(self.matrix)
-        told = -(self.found.plain + later.found.plain) / 2 @ way[rows:]
+        way = later.coordinates - self.coordinates
+        told = -(self.found.plain + later.found.plain) / 2 @ way[len(way) - self.found.plain.shape[1] :]
         return np.nan_to_num(np.abs(way[watched] - told))

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.coordinates.tableau import equilibrated
+from lmoc.numerics.coordinates.tableau import equilibrated, normalized
+from lmoc.numerics.limits import NO_ENTRY
 
 GROWN = 1.25  # by which the sizes of entries must have grown for rows and columns to be equilibrated again
 
@@ -46,16 +47,14 @@ class Equilibration:
     def factors(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the factors of the rows and of the columns."""
         if self.scales is None:
-            self.take(equilibrated(self.size, self._columns))
+            self.take(self._equilibrated())
         return self.scales
 
     def take(self, scales: tuple[np.ndarray, np.ndarray]) -> None:
         """Compare entries with these factors of the rows and columns from now on."""
         self.scales, self._columns, self.bound = scales, scales[1], GROWN * self.size
-        row = self.size.max(axis=1, keepdims=True)
-        ranges = (self.size / np.where(row > 0, row, 1.0)).max(axis=0)
+        ranges, self.factor = self._shares(), self._products(scales)
         self.ranges = np.where(ranges > 0, ranges, 1.0)
-        self.factor = scales[0][:, None] * scales[1]
 
     def served(self) -> np.ndarray:
         """Return the sizes (rows, columns) that the factors were made for."""
@@ -65,3 +64,51 @@ class Equilibration:
         """Return a matrix (rows, columns) in which rows and columns of the sizes so far have one length."""
         self.factors()
         return matrix * self.factor
+
+    def _equilibrated(self) -> tuple[np.ndarray, np.ndarray]:
+        return equilibrated(self.size, self._columns)
+
+    def _shares(self) -> np.ndarray:
+        """(columns,) the largest share of each in a row."""
+        row = self.size.max(axis=1, keepdims=True)
+        largest: np.ndarray = (self.size / np.where(row > 0, row, 1.0)).max(axis=0)
+        return largest
+
+    def _products(self, scales: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        return scales[0][:, None] * scales[1]
+
+
+class SparseEquilibration(Equilibration):
+    """The same of the entries of a sparse matrix alone: (nnz,) arrays stand in the place of (rows, columns)."""
+
+    def __init__(self, rows: int, columns: int, row: np.ndarray, column: np.ndarray) -> None:
+        super().__init__(rows, columns)
+        self.size, self.bound = np.zeros((2, len(row)))
+        self.factor, self._row, self._column = self.size, row, column
+        self._shape = rows, columns
+
+    def _equilibrated(self) -> tuple[np.ndarray, np.ndarray]:
+        size, row, column, (rows, columns) = self.size, self._row, self._column, self._shape
+        kept = np.isfinite(size) & (size > NO_ENTRY * largest_of(size, row, rows)[row])
+        squares = np.where(kept, size, 0.0) ** 2
+        return normalized(
+            lambda factors: np.bincount(row, squares * factors[column], rows),
+            lambda factors: np.bincount(column, squares * factors[row], columns),
+            columns,
+            self._columns,
+        )
+
+    def _shares(self) -> np.ndarray:
+        largest = largest_of(self.size, self._row, self._shape[0])
+        share = self.size / np.where(largest > 0, largest, 1.0)[self._row]
+        return largest_of(share, self._column, self._shape[1])
+
+    def _products(self, scales: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        return scales[0][self._row] * scales[1][self._column]
+
+
+def largest_of(size: np.ndarray, group: np.ndarray, count: int) -> np.ndarray:
+    """(count,) the largest of some sizes (n,) in each of their groups; zero where there are none."""
+    largest = np.zeros(count)
+    np.maximum.at(largest, group, size)
+    return largest

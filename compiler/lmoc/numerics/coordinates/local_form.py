@@ -19,8 +19,8 @@ import numpy as np
 from lmoc.engine.sparse import SparseMatrix
 from lmoc.ir.program import Apply
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.equilibration import Equilibration
-from lmoc.numerics.coordinates.tableau import SHARE, VANISHING, in_rows_of_one_size, rank_margin, stays_regular
+from lmoc.numerics.coordinates.equilibration import SparseEquilibration, largest_of
+from lmoc.numerics.coordinates.tableau import SHARE, VANISHING, rank_margin, stays_regular
 from lmoc.numerics.plan.plan import Plan
 from lmoc.structure.blocks.blocks import blocks_of
 from lmoc.structure.blocks.tearing import tear
@@ -73,68 +73,82 @@ class _Torn:
     columns : (size,) those left
     """
 
-    def __init__(self, rows: np.ndarray, columns: np.ndarray, steps: np.ndarray, entry: tuple[np.ndarray, np.ndarray]):
+    def __init__(self, rows: np.ndarray, columns: np.ndarray, steps: np.ndarray, number: np.ndarray) -> None:
         """
         Parameters
         ----------
         steps : (n, 2) row and column of the pivots
-        entry : rows and columns of all entries in dependent columns
+        number : as in `_Pattern`
         """
-        self._steps, self._by = steps.T
-        self._rows, self.columns = np.setdiff1d(rows, self._steps), np.setdiff1d(columns, self._by)
-        row, column = entry
-        own = np.isin(row, self._steps) & np.isin(column, self._by)
-        self._row, self._column = row[own], column[own]
-        number = np.zeros((2, 1 + max(row.max(), column.max())), int)
-        number[0, self._steps] = number[1, self._by] = np.arange(len(steps))
-        self._pivots = SparseMatrix(len(steps), number[0, self._row], number[1, self._column])
-        self._turned = SparseMatrix(len(steps), number[1, self._column], number[0, self._row])
+        self._steps, by = steps.T
+        self._rows, self.columns = np.setdiff1d(rows, self._steps), np.setdiff1d(columns, by)
+        pivots = number[np.ix_(self._steps, by)]
+        row, column = np.nonzero(pivots >= 0)
+        self._entries = pivots[row, column]
+        self._pivots, self._turned = SparseMatrix(len(steps), row, column), SparseMatrix(len(steps), column, row)
+        self._followed, self._onto = number[np.ix_(self._steps, self.columns)], number[np.ix_(self._rows, by)]
+        self._own = number[np.ix_(self._rows, self.columns)]
+        self._others = np.delete(np.arange(number.shape[1]), by)
 
-    def left(self, matrix: np.ndarray) -> np.ndarray:
-        """(size, size) the rows left of a matrix (rows, columns), by the columns left."""
-        entries = matrix[self._row, self._column]
-        followed = self._pivots.solve(entries, matrix[np.ix_(self._steps, self.columns)])
-        return matrix[np.ix_(self._rows, self.columns)] - matrix[np.ix_(self._rows, self._by)] @ followed
+    def left(self, padded: np.ndarray) -> np.ndarray:
+        """(size, size) the rows left of a matrix, by the columns left.
 
-    def lengths(self, matrix: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+        Parameters
+        ----------
+        padded : (nnz + 1,) its entries, and 0
+        """
+        followed = self._pivots.solve(padded[self._entries], padded[self._followed])
+        found: np.ndarray = padded[self._own] - padded[self._onto] @ followed
+        return found
+
+    def lengths(self, padded: np.ndarray, sizes: np.ndarray, number: np.ndarray) -> np.ndarray:
         """(size, 1) lengths that the rows left have, where all entries have their full sizes and nothing cancels.
 
         Parameters
         ----------
-        matrix : (rows, columns)
-        sizes : (rows, columns) magnitudes of its entries
+        padded, sizes : (nnz + 1,) entries of the matrix, and their magnitudes
         """
-        onto = np.copysign(sizes, matrix)[np.ix_(self._rows, self._by)]
-        share = np.abs(self._turned.solve(matrix[self._row, self._column], onto.T)).T
-        others = np.ones(matrix.shape[1], bool)
-        others[self._by] = False
-        length = np.linalg.norm((sizes[self._rows] + share @ sizes[self._steps])[:, others], axis=1, keepdims=True)
+        onto = np.copysign(sizes, padded)[self._onto]
+        share = np.abs(self._turned.solve(padded[self._entries], onto.T)).T
+        rows, steps = (sizes[number[k][:, self._others]] for k in (self._rows, self._steps))
+        length: np.ndarray = np.linalg.norm(rows + share @ steps, axis=1, keepdims=True)
         return np.where(length > 0, length, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class _Pattern:
-    """Where the dependent part of a matrix has entries, and its blocks.
+    """Where a matrix has entries, and the blocks of its dependent part.
 
     Attributes
     ----------
-    row, column : (nnz,) places
+    row, column : (nnz,) places, by rows
+    entry : which of them each entry of the constraints adds to
+    number : (rows, columns) numbers of the entries; -1 where there is none
+    dependent : (dependent part,) numbers of its entries
     blocks : rows and columns, (blocks, size) each, of those blocks of one size whose entries change along the motion
     torn : the longer ones among which many rows have constant pivots
     """
 
     row: np.ndarray
     column: np.ndarray
+    entry: np.ndarray
+    number: np.ndarray
+    dependent: np.ndarray
     blocks: tuple[tuple[np.ndarray, np.ndarray], ...]
     torn: tuple[_Torn, ...]
 
 
 def _pattern(plan: Plan) -> _Pattern:
     own: Constraints = plan.reduced.constraints
-    rows, dependent = own.rows, own.column < own.rows
-    place = distinct(own.row[dependent].astype(int) * rows + own.column[dependent])
-    row, column = np.divmod(place, rows)
-    match = maximum_matching(Incidence.of(rows, rows, row, column, np.zeros(len(place), np.int64)))
+    rows, columns = own.rows, len(own.variable)
+    all_places = own.row.astype(int) * columns + own.column
+    place = distinct(all_places)
+    every_row, every_column = np.divmod(place, columns)
+    number = np.full((rows, columns), -1)
+    number[every_row, every_column] = np.arange(len(place))
+    dependent = np.flatnonzero(every_column < rows)
+    row, column = every_row[dependent], every_column[dependent]
+    match = maximum_matching(Incidence.of(rows, rows, row, column, np.zeros(len(row), np.int64)))
     equation = np.empty(rows, int)  # in which each dependent coordinate is computed
     equation[match] = np.arange(rows)
     found = blocks_of(row, equation[column], rows)
@@ -145,12 +159,13 @@ def _pattern(plan: Plan) -> _Pattern:
     for size in distinct(np.array([len(m) for m in moving], int)).tolist():
         mine = [m for m in moving if len(m) == size]
         if size > _WHOLE:
-            found_torn = [_torn(m, match[m], (row, column), constant) for m in mine]
+            found_torn = [_torn(m, match[m], number, constant) for m in mine]
             torn += [t for t in found_torn if t is not None]
             mine = [m for m, t in zip(mine, found_torn, strict=True) if t is None]
         if mine:
             blocks.append((np.array(mine), match[np.array(mine)]))
-    return _Pattern(row, column, tuple(blocks), tuple(torn))
+    entry = np.searchsorted(place, all_places)
+    return _Pattern(every_row, every_column, entry, number, dependent, tuple(blocks), tuple(torn))
 
 
 def _constant(own: Constraints) -> frozenset[tuple[int, int]]:
@@ -164,30 +179,28 @@ def _constant(own: Constraints) -> frozenset[tuple[int, int]]:
 
 
 def _torn(
-    rows: np.ndarray, columns: np.ndarray, entry: tuple[np.ndarray, np.ndarray], constant: frozenset[tuple[int, int]]
+    rows: np.ndarray, columns: np.ndarray, number: np.ndarray, constant: frozenset[tuple[int, int]]
 ) -> _Torn | None:
     """A long block without what follows by constant pivots; None where nothing does."""
-    mine = np.isin(entry[0], rows) & np.isin(entry[1], columns)
-    unknowns: dict[int, set[int]] = {r: set() for r in rows.tolist()}
-    for r, c in zip(entry[0][mine].tolist(), entry[1][mine].tolist(), strict=True):
-        unknowns[r].add(c)
-    safe = [frozenset(c for c in found if (r, c) in constant) for r, found in unknowns.items()]
+    unknowns = [frozenset(columns[number[r, columns] >= 0].tolist()) for r in rows.tolist()]
+    safe = [frozenset(c for c in own if (r, c) in constant) for r, own in zip(rows.tolist(), unknowns, strict=True)]
     if not any(safe):
         return None
-    found = tear([frozenset(u) for u in unknowns.values()], safe, frozenset(), len(rows))
+    found = tear(unknowns, safe, frozenset(), len(rows))
     if not found.steps:
         return None
-    return _Torn(rows, columns, np.array([(rows[e], v) for e, v in found.steps]), entry)
+    return _Torn(rows, columns, np.array([(rows[e], v) for e, v in found.steps]), number)
 
 
 class LocalForm:
-    """The blocks of one set of constraints."""
+    """The blocks of one set of constraints, whose matrices are given by their entries (nnz,)."""
 
     def __init__(self, plan: Plan) -> None:
-        own = plan.once(_pattern)
-        self._row, self._column, self._blocks, self._torn = own.row, own.column, own.blocks, own.torn
+        self._pattern = own = plan.once(_pattern)
+        self._blocks = [own.number[rows[:, :, None], columns[:, None, :]] for rows, columns in own.blocks]
         self._left = [*(columns for _, columns in own.blocks), *(t.columns[None] for t in own.torn)]
-        self._matrix = SparseMatrix(plan.reduced.constraints.rows, own.row, own.column)
+        self._matrix = SparseMatrix(len(own.number), own.row[own.dependent], own.column[own.dependent])
+        self._states = np.flatnonzero(own.column >= len(own.number))
         self._lengths: tuple[object, list[np.ndarray]] = None, []  # of the rows left, with these factors
 
     @property
@@ -195,22 +208,42 @@ class LocalForm:
         """Return the numbers of rows by which the blocks are judged."""
         return [columns.shape[1] for columns in self._left for _ in columns]
 
+    def equilibration(self) -> SparseEquilibration:
+        """Return sizes of the entries, none seen yet."""
+        return SparseEquilibration(*self._pattern.number.shape, self._pattern.row, self._pattern.column)
+
+    def summed(self, entries: np.ndarray) -> np.ndarray:
+        """Return the entries of the matrix from those of the constraints, some of which share a place."""
+        return np.bincount(self._pattern.entry, entries, len(self._pattern.row))
+
+    def entries(self, dense: np.ndarray) -> np.ndarray:
+        """Return the entries of a matrix (rows, columns)."""
+        return dense[self._pattern.row, self._pattern.column]
+
+    def dense(self, matrix: np.ndarray) -> np.ndarray:
+        """Return the matrix (rows, columns)."""
+        return np.append(matrix, 0.0)[self._pattern.number]
+
     def followed(self, matrix: np.ndarray) -> tuple[np.ndarray, bytes]:
         """Return how the dependent coordinates follow, (rows, states), and the signs of the blocks' determinants.
 
         Without numbers where they do not follow. The sign of constant pivots is left out.
         """
-        rows = len(matrix)
-        table = self._matrix.solve(matrix[self._row, self._column], matrix[:, rows:])
-        own = self._own(matrix)
-        known = np.isfinite(table).all() and all(np.isfinite(a).all() for a in own)
-        signs = np.concatenate([np.zeros(0), *(np.linalg.slogdet(a)[0] for a in own)]) if known else np.zeros(1)
+        own = self._pattern
+        rows, columns = own.number.shape
+        right = np.zeros((rows, columns - rows))
+        right[own.row[self._states], own.column[self._states] - rows] = matrix[self._states]
+        table, parts = self._matrix.solve(matrix[own.dependent], right), self._own(matrix)
+        known = np.isfinite(table).all() and all(np.isfinite(a).all() for a in parts)
+        signs = np.concatenate([np.zeros(0), *(np.linalg.slogdet(a)[0] for a in parts)]) if known else np.zeros(1)
         if not (np.abs(signs) == 1.0).all():
             return np.full(table.shape, np.nan), b""
         return table, signs.astype(np.int8).tobytes()
 
-    def local(self, matrix: np.ndarray, sizes: Equilibration | None = None, table: np.ndarray | None = None) -> LocalRows:
-        """Return the rows of the blocks of a matrix (rows, columns).
+    def local(
+        self, matrix: np.ndarray, sizes: SparseEquilibration | None = None, table: np.ndarray | None = None
+    ) -> LocalRows:
+        """Return the rows of the blocks of a matrix.
 
         Parameters
         ----------
@@ -221,33 +254,38 @@ class LocalForm:
         if table is None:
             table, _ = self.followed(matrix)
         if not np.isfinite(table).all():
-            known = matrix if np.isfinite(matrix).all() else np.zeros_like(matrix)
-            return LocalRows((known[None],), (np.array([rank_margin(matrix)]),), factors)
-        own = self._own(matrix)
-        if self._torn:
-            whole = len(self._blocks)
-            lengths = self._lengths_of_rows(matrix, sizes)
-            own[whole:] = [a / length for a, length in zip(own[whole:], lengths, strict=True)]
+            known = self.dense(matrix if np.isfinite(matrix).all() else np.zeros_like(matrix))
+            return LocalRows((known[None],), (np.array([rank_margin(self.dense(matrix))]),), factors)
+        own, whole = self._own(matrix), len(self._blocks)
+        own[whole:] = [a / n for a, n in zip(own[whole:], self._lengths_of_rows(matrix, sizes), strict=True)]
         rows = tuple(np.concatenate([a, a @ table[c]], axis=2) for a, c in zip(own, self._left, strict=True))
         return LocalRows(rows, tuple(np.linalg.svd(r, compute_uv=False)[:, -1] for r in rows), factors)
 
+    def margin_at_once(self, matrix: np.ndarray) -> float:
+        """Return the smallest singular value of any block, in rows of one size."""
+        return self.local(self._in_rows_of_one_size(matrix)).margin
+
     def vanishes(self, matrix: np.ndarray) -> bool:
         """Return whether the dependent coordinates of a block do not follow, in rows of one size."""
-        parts = self._own(in_rows_of_one_size(matrix))
+        parts = self._own(self._in_rows_of_one_size(matrix))
         return not all(
             np.isfinite(a).all() and np.linalg.svd(a, compute_uv=False)[:, -1].min() >= VANISHING for a in parts
         )
 
+    def _in_rows_of_one_size(self, matrix: np.ndarray) -> np.ndarray:
+        row = self._pattern.row
+        size = largest_of(np.abs(matrix), row, len(self._pattern.number))[row]
+        return matrix / np.where(size > 0, size, 1.0)
+
     def _own(self, matrix: np.ndarray) -> list[np.ndarray]:
         """The blocks themselves, (blocks, size, size) for each size; of those torn what is left."""
-        whole = [matrix[rows[:, :, None], columns[:, None, :]] for rows, columns in self._blocks]
-        return whole + [torn.left(matrix)[None] for torn in self._torn]
+        padded = np.append(matrix, 0.0)
+        return [padded[number] for number in self._blocks] + [t.left(padded)[None] for t in self._pattern.torn]
 
-    def _lengths_of_rows(self, matrix: np.ndarray, sizes: Equilibration | None) -> list[np.ndarray]:
-        if sizes is None:
-            return [torn.lengths(matrix, np.abs(matrix)) for torn in self._torn]
-        factors = sizes.factors()
-        if self._lengths[0] is not factors:
-            largest = sizes.served() * sizes.factor
-            self._lengths = factors, [torn.lengths(matrix, largest) for torn in self._torn]
+    def _lengths_of_rows(self, matrix: np.ndarray, sizes: SparseEquilibration | None) -> list[np.ndarray]:
+        factors = None if sizes is None else sizes.factors()
+        if factors is None or self._lengths[0] is not factors:
+            largest = np.abs(matrix) if sizes is None else sizes.served() * sizes.factor
+            own, padded = self._pattern, [np.append(a, 0.0) for a in (matrix, largest)]
+            self._lengths = factors, [torn.lengths(*padded, own.number) for torn in own.torn]
         return self._lengths[1]

@@ -9,6 +9,7 @@ partitioning of coordinates is Wehage & Haug's, J. Mech. Design 104, 1982).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -160,14 +161,31 @@ def equilibrated(size: np.ndarray, before: np.ndarray | None = None) -> tuple[np
     """
     largest = size.max(axis=1, keepdims=True, initial=0.0)
     squares = np.where(np.isfinite(size) & (size > NO_ENTRY * largest), size, 0.0) ** 2
-    no_row, no_column = (1.0 * ~squares.any(axis=k) for k in (1, 0))  # which keep the factor 1
-    column = np.ones(squares.shape[1]) if before is None else before**2
+    return normalized(lambda factors: squares @ factors, lambda factors: factors @ squares, squares.shape[1], before)
+
+
+def normalized(
+    rows: Callable[[np.ndarray], np.ndarray],
+    columns: Callable[[np.ndarray], np.ndarray],
+    count: int,
+    before: np.ndarray | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the factors of `equilibrated` for a matrix of squares S.
+
+    Parameters
+    ----------
+    rows, columns : ``S @ factors`` of its columns, and ``factors @ S`` of its rows
+    count : of its columns
+    """
+    sums = rows(np.ones(count))
+    no_row, no_column = 1.0 * (sums == 0.0), 1.0 * (columns(np.ones(len(sums))) == 0.0)  # which keep the factor 1
+    column = np.ones(count) if before is None else before**2
     for k in range(_NORMALIZATIONS if before is None else AGAIN):
-        row = 1.0 / (squares @ column + no_row)
-        last, column = column, 1.0 / (row @ squares + no_column)
+        row = 1.0 / (rows(column) + no_row)
+        last, column = column, 1.0 / (columns(row) + no_column)
         if k % 2 and (np.abs(column - last) <= NORMAL * column).all():
             break
-    return np.sqrt(1.0 / (squares @ column + no_row)), np.sqrt(column)
+    return np.sqrt(1.0 / (rows(column) + no_row)), np.sqrt(column)
 
 
 def rank_margin(matrix: np.ndarray) -> float:

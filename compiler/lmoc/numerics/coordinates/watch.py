@@ -78,13 +78,14 @@ class CoordinateWatch:
         self._place = own.row.astype(int) * len(own.variable) + own.column
         # scaled matrix of the last look, `ConstraintState.least` of it, and the factors of both
         self._recent: tuple[np.ndarray, float, tuple[np.ndarray, np.ndarray]] | None = None
-        self._sizes = Equilibration(own.rows, len(own.variable))
         self.accepted: ConstraintState
         self.last: ConstraintState
         self.lost_rank, self.singular, self.limit = False, np.inf, 0.0
         self._parts = parts_of(system, self._registers)
         # few are seen as a whole, whose smallest singular value is then a matter of the place, not of their number
         self._form = LocalForm(system.plan) if own.rows > MOST_ROWS else None
+        many = self._form is not None
+        self._sizes = self._form.equilibration() if many else Equilibration(own.rows, len(own.variable))
         self._condition: ConditionBounds | None = None
         self._bounds: list[float] | None = None  # of the last look
         self._alert, self._looked_inside = _ALERT, False
@@ -105,11 +106,15 @@ class CoordinateWatch:
                 (self.constraints.variable, before.constraints.variable),
             )
         )
-        self._sizes.size[np.ix_(rows, columns)] = before.sizes[np.ix_(own_rows, own_columns)]
+        size = self.sizes.copy()
+        size[np.ix_(rows, columns)] = before.sizes[np.ix_(own_rows, own_columns)]
+        self._sizes.replace(size if self._form is None else self._form.entries(size))
 
     @property
     def sizes(self) -> np.ndarray:
         """Return the largest magnitude that each entry of the constraint matrix has had."""
+        if self._form is not None:
+            return self._form.dense(self._sizes.size)
         told = self._condition is not None and self._condition.place is not None
         return self._condition.sizes(self._sizes.size) if told else self._sizes.size
 
@@ -170,7 +175,7 @@ class CoordinateWatch:
         crawling = status is Status.CRAWLING  # not the fault of coordinates: they are watched
         self.lost_rank = self.accepted.margin < (_ALERT if crawling else _DEPENDENT)
         if crawling and not self.lost_rank:  # begun so near that all entries of a column have been small ever since
-            self.lost_rank = self._rank_margin(in_rows_of_one_size(self.accepted.matrix)) < _DEPENDENT
+            self.lost_rank = self._margin_at_once(self.accepted.matrix) < _DEPENDENT
         self.last, self.singular = self.accepted, self.accepted.t
         return Status.COORDINATES if self.lost_rank or (not crawling and self.better()) else status
 
@@ -182,7 +187,8 @@ class CoordinateWatch:
         """
         place = self.accepted if self.passed_a_singular_place or self.lost_rank else self.last
         if place.found.sign == 0.0:
-            held = states_by_pivots(self._sizes.scaled(place.matrix))
+            even = self._sizes.scaled(place.matrix)
+            held = states_by_pivots(even if self._form is None else self._form.dense(even))
             return [held] if held else []
         own, exchanges = self.constraints, exchanged(place.found, self.barred)
         some = [exchanges, exchanges[:1]] if len(exchanges) > 1 else [exchanges] if exchanges else []
@@ -311,7 +317,7 @@ class CoordinateWatch:
         return ConstraintState(t, x.copy(), matrix, found, even, least, solutions, coordinates, local)
 
     def _seen_locally(self, form: LocalForm, even: np.ndarray) -> tuple[Tableau, LocalRows]:
-        """The tableau of a scaled matrix, and the rows of its blocks."""
+        """The tableau of scaled entries, and the rows of their blocks."""
         own, factors = self.constraints, self._sizes.factors()
         columns = factors[1]
         table, signs = form.followed(even)
@@ -322,6 +328,10 @@ class CoordinateWatch:
 
     def _vanishes(self, place: ConstraintState) -> bool:
         return vanishes(place.matrix) if self._form is None else self._form.vanishes(place.matrix)
+
+    def _margin_at_once(self, matrix: np.ndarray) -> float:
+        """The smallest singular value, in the sizes of one place alone."""
+        return rank_margin(in_rows_of_one_size(matrix)) if self._form is None else self._form.margin_at_once(matrix)
 
     def _rank_margin(self, even: np.ndarray, sizes: Equilibration | None = None) -> float:
         return rank_margin(even) if self._form is None else self._form.local(even, sizes).margin
@@ -429,6 +439,8 @@ class CoordinateWatch:
         return True
 
     def _matrix(self, t: float, x: np.ndarray) -> np.ndarray:
-        rows, columns = self._sizes.size.shape
         entries = self._entries(t, x)
+        if self._form is not None:
+            return self._form.summed(entries)
+        rows, columns = self._sizes.size.shape
         return np.bincount(self._place, entries, rows * columns).reshape(rows, columns)
