@@ -210,7 +210,8 @@ class LocalForm:
 
     def equilibration(self) -> SparseEquilibration:
         """Return sizes of the entries, none seen yet."""
-        return SparseEquilibration(*self._pattern.number.shape, self._pattern.row, self._pattern.column)
+        rows, columns = self._pattern.number.shape
+        return SparseEquilibration(rows, columns, self._pattern.row, self._pattern.column)
 
     def summed(self, entries: np.ndarray) -> np.ndarray:
         """Return the entries of the matrix from those of the constraints, some of which share a place."""
@@ -286,6 +287,6 @@ class LocalForm:
         factors = None if sizes is None else sizes.factors()
         if factors is None or self._lengths[0] is not factors:
             largest = np.abs(matrix) if sizes is None else sizes.served() * sizes.factor
-            own, padded = self._pattern, [np.append(a, 0.0) for a in (matrix, largest)]
-            self._lengths = factors, [torn.lengths(*padded, own.number) for torn in own.torn]
+            own, padded, full = self._pattern, np.append(matrix, 0.0), np.append(largest, 0.0)
+            self._lengths = factors, [torn.lengths(padded, full, own.number) for torn in own.torn]
         return self._lengths[1]
