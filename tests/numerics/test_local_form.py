@@ -110,3 +110,66 @@ def test_lifts_of_many_stages(n, stop, singular, tmp_path):
     assert np.abs(run[f"up[{n}].y"] - (n - 1) * np.sin(exact)).max() < 1e-6
     assert len([note for note in run.notes if note.code == "N0633"]) == singular
     assert run.stats["steps"] < 100
+
+
+def closed_chain(n: int) -> tuple[str, np.ndarray]:
+    """A chain of n bars that hangs between two fixed points in an arc of half a circle: its text, and its angles."""
+    directions = (np.arange(n) + 0.5) * np.pi / n - np.pi / 2
+    span = float(np.cos(directions).sum()) / n
+    starts = ", ".join(map(repr, directions.tolist()))
+    turns = ", ".join(map(repr, np.diff(directions, prepend=0.0, append=0.0).tolist()))
+    return f"""
+model Chain "Bars between two fixed points"
+  import Planar.*;
+  inner World world;
+  Ground left, right(x = {span!r});
+  Revolute pin[{n + 1}](phi(start = {{{turns}}}));
+  Bar bar[{n}](each l = {1 / n!r}, each m = {1 / n!r}, theta(start = {{{starts}}}));
+equation
+  connect(left.frame, pin[1].a);
+  for i in 1:{n} loop
+    connect(pin[i].b, bar[i].a);
+    connect(bar[i].b, pin[i + 1].a);
+  end for;
+  connect(pin[{n + 1}].b, right.frame);
+end Chain;
+""", directions
+
+
+def angles_of_a_closed_chain(start: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Angles (times, n) by Lagrange's equations of all angles, with two multipliers at the closed end."""
+    n = len(start)
+    share = (np.tril(np.ones((n, n)), -1) + np.eye(n) / 2) / n  # of each bar's motion in the middle of another
+    inertia = share.T @ share / n
+
+    def slope(t: float, z: np.ndarray) -> np.ndarray:
+        angle, rate = np.split(z, 2)
+        apart, sine, cosine = angle[:, None] - angle, np.sin(angle), np.cos(angle)
+        closing = np.stack([-sine, cosine]) / n
+        mass = inertia * np.cos(apart) + np.eye(n) / 12 / n**3
+        right = -9.81 * cosine * share.sum(axis=0) / n - inertia * np.sin(apart) @ rate**2
+        whole = np.block([[mass, closing.T], [closing, np.zeros((2, 2))]])
+        ends = np.stack([cosine, sine]) @ rate**2 / n
+        return np.concatenate([rate, np.linalg.solve(whole, np.concatenate([right, ends]))[:n]])
+
+    begin = np.concatenate([start, np.zeros(n)])
+    return solve_ivp(slope, (0, times[-1]), begin, "DOP853", times, rtol=1e-10, atol=1e-10).y[:n].T
+
+
+def test_a_long_closed_chain_is_judged_by_its_closure(monkeypatch):
+    """Most rows of its one loop determine the next bar's end whatever the position; two close it."""
+    text, directions = closed_chain(60)
+    margins, look = [], watch.CoordinateWatch._look
+
+    def recorded(self, t, x):
+        place = look(self, t, x)
+        margins.append((self._form.sizes, place.margin))
+        return place
+
+    monkeypatch.setattr(watch.CoordinateWatch, "_look", recorded)
+    dae = lmoc.compile_text(text)
+    run = dae.simulate(stop=0.15, points=6, rtol=1e-8)
+    assert len(dae.states) == 2 * 58
+    exact = angles_of_a_closed_chain(directions, run.time)
+    assert max(np.abs(run[f"bar[{k + 1}].theta"] - exact[:, k]).max() for k in range(60)) < 1e-7
+    assert all(sizes == [2] and margin > 0.3 for sizes, margin in margins)
