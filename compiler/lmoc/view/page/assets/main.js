@@ -1,26 +1,26 @@
 // The page: one state, and everything that shows it.
 
+import { Accuracy } from "./accuracy.js";
 import { read, write } from "./address.js";
 import { givenAnswer, revived } from "./answer.js";
-import { Card, tableRow } from "./card.js";
+import { Card } from "./card.js";
 import { Chooser, format, Sliders, Starts } from "./controls.js";
 import { $ } from "./dom.js";
+import { canBeTaken, Drag } from "./drag.js";
 import { Engine } from "./engine.js";
 import { eventText, modesText, showEvents } from "./events.js";
+import { Forces } from "./forces.js";
 import { listenToFrame, tellFrame } from "./frame.js";
-import { gripAt } from "./grip.js";
 import { listenToHand } from "./hand.js";
 import { ModeMotion } from "./modes.js";
-import { Motion, movers } from "./motion.js";
+import { extremesOf, Motion, movers } from "./motion.js";
 import { Stage } from "./picture.js";
 import { PhasePlot } from "./phase.js";
 import { Player } from "./player.js";
-import { Plots } from "./plots.js";
+import { balance, Plots } from "./plots.js";
 import { Shades } from "./shades.js";
+import { Values } from "./values.js";
 
-const AGREES = 1e-6; // of the largest value of the same unit …
-const ADD_UP = 50; // … or this many times the tolerance: the errors of two runs
-const QUIET = 400; // ms in which nothing has been asked for: then there is time to tell how accurate the answer is
 const INSTANTS = 200; // at which the picture is looked at for the room that it needs
 const STEP = 200; // of these a run is walked through with the arrow keys
 
@@ -38,11 +38,10 @@ class Page {
     this.against = null; // {set, init, answer} of the run that is recorded
     this.init = {}; // states at the start that the hand has given
     this.pulls = []; // [t, part, signals] of the hand while the scene ran
-    this.pulling = null; // {to, begun} while it does
-    this.dragged = null; // {item, vertex, …} of what the hand holds
-    this.forces = false;
     this.serial = 0;
     this.engine = this.sliders = this.starts = this.motion = this.swing = null;
+    this.accuracy = new Accuracy(data);
+    this.drag = new Drag(this);
     this.repeated = Promise.resolve(false); // whether the page's own run serves
     const { time } = this.given;
     this.times = time;
@@ -54,6 +53,7 @@ class Page {
     const names = data.variables.map((v) => v.name);
     const state = read(location.hash);
     this.chooser = new Chooser($("chooser"), names, state.show?.filter((n) => names.includes(n)) ?? data.shown, () => this.draw());
+    this.values = new Values($("values"), this.unitOf);
     this.card = new Card(data.parts, names, this.unitOf, around, (name) => this.choose(name));
     this.shades = new Shades($("equations"), $("shades"), terms, data.terms, data.jets.map(({ name }) => name));
     this.makePicture();
@@ -95,45 +95,17 @@ class Page {
     $("hint").textContent = `The sliders are missing: ${reason}.`;
   }
 
-  /** Compute the run again, and tell by how much it differs; false where that does not come to its end. */
+  /** Compute the run again; false where that does not come to its end. */
   async repeat(engine) {
-    const { script, check, sizes, complete, checkTimes } = this.data;
-    const { reason, missed, times } = await engine.ask("repeat", { times: checkTimes, check, sizes, complete, given: this.given.time });
-    if (reason && complete) {
-      this.withoutEngine(`repeated in this page, the run does not reach its end (${reason})`);
-      return false;
-    }
+    const { reason, times } = await this.accuracy.repeat(engine, this.given);
     this.times = times;
-    const text = missed === 0 ? "does not differ" : `differs by ${missed.toPrecision(1)} of the largest value of each unit`;
-    $("repeat").dataset.difference = String(missed);
-    this.repetition = [`Computed again by this page, the run ${text}.`, !(missed <= Math.max(AGREES, ADD_UP * script.rtol))];
-    this.sayAccuracy(...this.repetition);
-    return true;
+    if (reason) this.withoutEngine(`repeated in this page, the run does not reach its end (${reason})`);
+    return !reason;
   }
 
-  /** Say how accurate what is shown is: among the notes, or where a warning is seen. */
-  sayAccuracy(text, bad) {
-    const place = $("repeat");
-    place.textContent = text;
-    place.classList.toggle("warning", bad);
-    if (bad) $("hint").append(place);
-    else document.querySelector("#page-notes .keys").before(place);
-  }
-
-  /** Find out how accurate the answer to a request is, once nothing more is asked for. */
-  async findAccuracy(request) {
-    const { serial, answer, engine } = this;
-    this.sayAccuracy("", false);
-    await new Promise((resolve) => setTimeout(resolve, QUIET));
-    if (serial !== this.serial || this.dragged !== null) return;
-    const columns = new Map(this.data.script.names.map((name) => [name, answer.of(name)]));
-    const found = await engine.ask("accuracy", { ...request, answer: { time: answer.time, columns } });
-    if (found === null || serial !== this.serial) return;
-    const { missed, from, reason } = found;
-    const other = "one with a tenth of its tolerance";
-    if (from === null) this.sayAccuracy(`This run is accurate to ${missed.toPrecision(1)} of the largest value of each unit, by ${other}.`, false);
-    else if (reason) this.sayAccuracy(`How accurate this run is beyond t = ${format(from)} s is not known: ${other} ends there (${reason}).`, true);
-    else this.sayAccuracy(`From t = ${format(from)} s on this run is not to be relied on: ${other} goes another way.`, true);
+  findAccuracy(request) {
+    const { serial, answer, engine, drag } = this;
+    return this.accuracy.find(engine, request, answer, () => serial === this.serial && drag.held === null);
   }
 
   makePicture() {
@@ -142,9 +114,7 @@ class Page {
     if (picture === null) return;
     this.movers = movers(picture);
     this.stage = new Stage(picture, $("stage"), `Schematic of ${this.data.title}`);
-    this.forceOf = new Map(picture.items.map((i) => [i, forceNames(i, this.unitOf)]).filter(([, names]) => names.length));
-    $("forces").disabled = this.forceOf.size === 0;
-    if ($("forces").disabled) $("forces").parentElement.title = "nothing in the picture pulls or pushes";
+    this.forces = new Forces(picture.items, this.unitOf);
     const { swinging } = this.data;
     $("swinging").hidden = swinging.modes.length === 0;
     $("mode").append(new Option("the run", ""), ...swinging.modes.map(({ label }, k) => new Option(`mode ${k + 1}: ${label}`, k)));
@@ -152,9 +122,9 @@ class Page {
     listenToHand(this.stage, {
       wanted: (item) => item.part !== "" || canBeTaken(item),
       pick: (k) => this.choose(picture.items[k].part === this.card.part ? "" : picture.items[k].part),
-      take: (k, place) => this.take(k, place),
-      move: (place) => this.move(place),
-      drop: () => this.drop(),
+      take: (k, place) => this.drag.take(k, place),
+      move: (place) => this.drag.move(place),
+      drop: () => this.drag.drop(),
     });
   }
 
@@ -201,7 +171,7 @@ class Page {
       "+": () => player.faster(1),
       "-": () => player.faster(-1),
       l: () => this.setLoop(!player.loop),
-      f: () => this.setForces(!this.forces),
+      f: () => this.setForces(!this.forces?.on),
     };
     if (!(event.key in actions)) return;
     event.preventDefault();
@@ -217,8 +187,7 @@ class Page {
     $("over").value = this.over;
     this.player.speed = state.speed ?? this.player.usual;
     this.player.t = this.player.begin + state.t;
-    this.forces = state.forces && !$("forces").disabled;
-    $("forces").checked = this.forces;
+    this.forces?.turn(state.forces);
     this.card.choose(state.part, this.answer, null);
     this.stage?.choose(this.card.part);
     this.draw();
@@ -243,15 +212,20 @@ class Page {
   async simulate() {
     const serial = ++this.serial;
     if (!(await this.repeated) || serial !== this.serial) return;
-    const { sliders, init, pulls, times, given } = this;
-    const values = { ...sliders.values };
-    const moved = Object.keys(values).length + Object.keys(init).length + pulls.length > 0;
-    const request = { times, values, initial: init, pulls };
+    const { given } = this;
+    const request = this.request();
+    const moved = [request.values, request.initial, request.pulls].some((given) => Object.keys(given).length > 0);
     const found = moved ? await this.engine.ask("run", request) : given;
     if (found === null || serial !== this.serial) return; // a later one has taken its place
     this.putAnswer(moved ? revived(found) : given, moved);
     if (moved) this.findAccuracy(request);
-    else this.sayAccuracy(...this.repetition);
+    else this.accuracy.ofRepetition();
+  }
+
+  /** What a run is made with. */
+  request() {
+    const { times, sliders, init, pulls } = this;
+    return { times, values: { ...sliders.values }, initial: init, pulls };
   }
 
   putAnswer(answer, moved) {
@@ -302,8 +276,7 @@ class Page {
   }
 
   setForces(on) {
-    this.forces = on && !$("forces").disabled;
-    $("forces").checked = this.forces;
+    this.forces?.turn(on);
     this.show(this.player.t);
     this.remember();
   }
@@ -334,7 +307,7 @@ class Page {
       show: same ? null : chooser.shown,
       over: this.over,
       part: card.part,
-      forces,
+      forces: forces?.on ?? false,
     });
   }
 
@@ -352,85 +325,6 @@ class Page {
       $("share").textContent = "The address holds the state";
     }
     setTimeout(() => ($("share").textContent = "Share"), 2000);
-  }
-
-  // ---------------------------------------------------------------- the hand
-
-  /** Take an item at a place of the picture: whether it can be taken. While the scene runs the hand pulls at it. */
-  take(k, place) {
-    const { player, engine, motion, swing } = this;
-    const item = this.data.picture.items[k];
-    if (engine === null || swing !== null || !canBeTaken(item)) return false;
-    const pulls = player.playing && gripAt(item, motion.vertex(item, place, this.places(player.t)), this.data.script) !== undefined;
-    if (!pulls) {
-      if (player.playing) player.pause();
-      player.seek(player.begin);
-    }
-    const vertex = motion.vertex(item, place, this.places(player.t));
-    const { names, references, extremes } = motion;
-    this.dragged = { item: k, vertex, motion: { names, references, extremes } };
-    this.before = JSON.stringify(this.init);
-    this.stage.parts[k].group.classList.add("held");
-    if (pulls) this.grab(place);
-    return true;
-  }
-
-  /** Begin to pull. */
-  grab(place) {
-    const { times, init, pulls, player, engine, dragged } = this;
-    this.pulling = { to: place, from: player.t };
-    const setup = { times, values: { ...this.sliders.values }, initial: init, pulls, t: player.t, speed: player.speed };
-    engine.ask("grab", { ...dragged, ...setup });
-  }
-
-  async move(to) {
-    const { dragged, engine, pulling } = this;
-    if (pulling !== null) {
-      pulling.to = to;
-      return;
-    }
-    const asked = { ...dragged, to, values: { ...this.sliders.values }, initial: this.init };
-    const found = await engine.ask("reach", asked).catch(({ message }) => this.sayHeld(`The scene does not go there: ${message}.`));
-    if (!found || this.dragged === null) return;
-    this.init = found.initial;
-    this.stage.show(this.motion, found.places);
-    this.starts.put(this.init, (name) => found.states[name]);
-  }
-
-  /** A frame of the scene with the hand in it. */
-  async pullUntil(t) {
-    const { engine, pulling } = this;
-    const found = await engine.ask("pull", { to: pulling.to, t });
-    if (found === null || this.pulling !== pulling) return;
-    this.stage.show(this.motion, found.places);
-    this.stage.showHand(found.at, pulling.to);
-  }
-
-  async drop() {
-    const { pulling, dragged } = this;
-    const part = this.data.picture.items[dragged.item].part || "this";
-    this.stage.parts[dragged.item].group.classList.remove("held");
-    this.dragged = null;
-    if (pulling === null) {
-      await this.simulate();
-      if (JSON.stringify(this.init) === this.before) this.sayHeld(`${part} has no other place at the start: the scene holds it there.`);
-      return;
-    }
-    const serial = ++this.serial;
-    const found = await this.engine.ask("letGo", {});
-    this.pulling = null;
-    this.stage.showHand(null);
-    if (found === null || serial !== this.serial) return;
-    this.pulls = found.pulls;
-    this.putAnswer(revived(found), true);
-    const gives = found.pulls.some(([t, , [stiffness]]) => t >= pulling.from && stiffness > 0);
-    if (!gives) this.sayHeld(`${part} does not give way to a pull: the scene holds it, or prescribes how it moves.`);
-    this.findAccuracy({ times: this.times, values: { ...this.sliders.values }, initial: this.init, pulls: this.pulls });
-  }
-
-  /** Say why nothing has happened, where nothing else is to be said. */
-  sayHeld(text) {
-    if ($("trouble").textContent === "") $("trouble").textContent = text;
   }
 
   // ---------------------------------------------------------------- showing
@@ -453,8 +347,7 @@ class Page {
     $("keep").textContent = against === null ? "Record this run" : "Forget the recorded run";
     if (data.picture !== null) this.motion = this.newMotion();
     this.shades.put(answer);
-    this.values = answer.reader(this.chooser.shown);
-    this.otherValues = other?.reader(this.chooser.shown) ?? null;
+    this.values.put(this.chooser.shown, answer, other);
     this.card.choose(this.card.part, answer, other);
     this.show(this.player.t);
   }
@@ -466,18 +359,10 @@ class Page {
     this.otherPlaces = against?.answer.reader(names) ?? null;
     const first = columns.map((c) => c[0] ?? NaN);
     const { swinging } = data;
-    const mode = $("mode").value === "" ? null : swinging.modes[Number($("mode").value)];
-    const extremes = names.map((name, k) => {
-      const others = against === null ? [] : [against.answer.of(name)];
-      return [columns[k], ...others].reduce(([low, high], c) => c.reduce(widen, [low, high]), [Infinity, -Infinity]);
-    });
+    const mode = swinging.modes[$("mode").value] ?? null;
+    const extremes = names.map((name, k) => extremesOf([...columns[k], ...(against?.answer.of(name) ?? [])]));
     this.swing = mode === null ? null : new ModeMotion(mode, swinging.names, names, first, extremes, this.unitOf);
-    this.forceValues = answer.reader([...this.forceOf.values()].flat());
-    this.largestForce = 0;
-    for (const own of this.forceOf.values()) {
-      const parts = own.map((name) => answer.of(name));
-      parts[0].forEach((_, k) => (this.largestForce = Math.max(this.largestForce, Math.hypot(...parts.map((f) => f[k])) || 0)));
-    }
+    this.forces.put(answer);
     const motion = new Motion(data.picture, names, first, extremes);
     const every = Math.max(1, Math.ceil(answer.time.length / INSTANTS));
     const places = (k) => columns.map((c) => c[Math.min(k * every, answer.time.length - 1)]);
@@ -490,50 +375,19 @@ class Page {
     $("time").value = String(t);
     $("time").setAttribute("aria-valuetext", `${t.toFixed(3)} seconds`);
     $("now").textContent = `t = ${t.toFixed(3)} s`;
-    if (this.pulling !== null) {
-      this.pullUntil(t);
+    if (this.drag.pulling !== null) {
+      this.drag.pullUntil(t);
       return;
     }
     if (this.motion !== null) {
       const values = this.swing === null ? this.places(t) : this.swing.at(t);
       this.stage.show(this.motion, values, this.swing === null ? (this.otherPlaces?.(t) ?? null) : null);
-      this.showForces(t, values);
+      this.forces.show(t, this.stage, this.motion, values, this.swing === null);
     }
-    for (const shown of [this.plots, this.energy, this.card, this.shades]) shown.show(t);
-    this.writeValues(t);
+    for (const shown of [this.plots, this.energy, this.card, this.shades, this.values]) shown.show(t);
     $("modes").textContent = modesText(this.answer, t);
     const event = this.answer.events.findLast((e) => e.time === t);
     $("happened").textContent = event === undefined ? "" : eventText(event);
-  }
-
-  showForces(t, values) {
-    const shown = this.forces && this.swing === null && this.largestForce > 0;
-    $("scale").textContent = shown ? `(longest ${format(this.largestForce)} N)` : "";
-    if (!shown) {
-      this.stage.showForces(this.motion, values, new Map(), 1);
-      return;
-    }
-    const now = this.forceValues(t);
-    let next = 0;
-    const forces = new Map([...this.forceOf].map(([item, { length }]) => [item, now.slice(next, (next += length))]));
-    this.stage.showForces(this.motion, values, forces, this.largestForce);
-  }
-
-  /** The values as text, those of the recorded run beside them. */
-  writeValues(t) {
-    const body = $("values");
-    const names = this.chooser.shown;
-    if (this.shownNames !== names) {
-      this.shownNames = names;
-      body.replaceChildren(...names.map((name) => tableRow([name, "", this.unitOf(name), ""])));
-    }
-    if (this.values === undefined) return;
-    const values = this.values(t);
-    const others = this.otherValues?.(t);
-    for (let k = 0; k < names.length; k++) {
-      body.children[k].children[1].textContent = format(values[k]);
-      body.children[k].children[3].textContent = others ? `recorded ${format(others[k])}` : "";
-    }
   }
 
   writePlayer() {
@@ -544,31 +398,4 @@ class Page {
     $("loop").checked = player.loop;
     if (!player.playing) this.remember();
   }
-}
-
-/** The variables of the force of an item: one between its two ends or along the way of its only one, or two in the plane. */
-function forceNames({ ends, symbol, variables: { force, fx, fy } }, unitOf) {
-  if (fx && fy) return [fx, fy];
-  return unitOf(force) === "N" && (ends.length === 2 || (symbol === "force" && ends[0].moves.length > 0)) ? [force] : [];
-}
-
-/** Whether an item goes or turns with the motion. */
-function canBeTaken(item) {
-  return item.ends.some((end) => end.moves.length) || item.turn.variable !== "" || Boolean(item.variables.angle);
-}
-
-function widen([low, high], value) {
-  return Number.isFinite(value) ? [Math.min(low, value), Math.max(high, value)] : [low, high];
-}
-
-/** The error of the ledger of an answer, in words; `exchanged` is what the stores of the compiler's run exchange. */
-function balance(answer, { stored, supplied, lost, exchanged }) {
-  const [s, p, l] = [stored, supplied, lost].map((name) => answer.of(name));
-  let worst = 0;
-  let scale = exchanged;
-  for (let k = 0; k < s.length; k++) {
-    worst = Math.max(worst, Math.abs(p[k] - p[0] - (l[k] - l[0]) - (s[k] - s[0])));
-    scale = Math.max(scale, Math.abs(p[k] - p[0]), Math.abs(l[k] - l[0]), Math.abs(s[k] - s[0]));
-  }
-  return scale > 0 ? `error of the balance ${format(worst / scale)}` : "nothing stored, supplied or lost";
 }

@@ -135,3 +135,10 @@ function groupScales(picture, index, references, extremes) {
   }
   return new Map([...most].map(([group, way]) => [group, way > 0 ? (picture.room[group] ?? 40) / way : 0]));
 }
+
+/** The least and the largest of the finite values of a column. */
+export function extremesOf(column) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of column) if (Number.isFinite(value)) [low, high] = [Math.min(low, value), Math.max(high, value)];
+  return [low, high];
+}

@@ -242,3 +242,15 @@ export function sampled(answer, name, times) {
   const last = answer.time[answer.time.length - 1];
   return Float64Array.from(times, (t) => (t > last ? NaN : read(t)[0]));
 }
+
+/** The error of the ledger of an answer, in words; `exchanged` is what the stores of the compiler's run exchange. */
+export function balance(answer, { stored, supplied, lost, exchanged }) {
+  const [s, p, l] = [stored, supplied, lost].map((name) => answer.of(name));
+  let worst = 0;
+  let scale = exchanged;
+  for (let k = 0; k < s.length; k++) {
+    worst = Math.max(worst, Math.abs(p[k] - p[0] - (l[k] - l[0]) - (s[k] - s[0])));
+    scale = Math.max(scale, Math.abs(p[k] - p[0]), Math.abs(l[k] - l[0]), Math.abs(s[k] - s[0]));
+  }
+  return scale > 0 ? `error of the balance ${format(worst / scale)}` : "nothing stored, supplied or lost";
+}

@@ -1,0 +1,95 @@
+// What the hand does to the scene: at rest it changes the start, while the scene runs it pulls.
+
+import { revived } from "./answer.js";
+import { $ } from "./dom.js";
+import { gripAt } from "./grip.js";
+
+export class Drag {
+  constructor(page) {
+    this.page = page;
+    this.held = null; // {item, vertex, motion} of what the hand holds
+    this.pulling = null; // {to, from} while it pulls
+  }
+
+  /** Take an item at a place of the picture: whether it can be taken. While the scene runs the hand pulls at it. */
+  take(k, place) {
+    const { player, engine, motion, swing, places, data, stage, init } = this.page;
+    const item = data.picture.items[k];
+    if (engine === null || swing !== null || !canBeTaken(item)) return false;
+    const pulls = player.playing && gripAt(item, motion.vertex(item, place, places(player.t)), data.script) !== undefined;
+    if (!pulls) {
+      if (player.playing) player.pause();
+      player.seek(player.begin);
+    }
+    const vertex = motion.vertex(item, place, places(player.t));
+    const { names, references, extremes } = motion;
+    this.held = { item: k, vertex, motion: { names, references, extremes } };
+    this.before = JSON.stringify(init);
+    stage.parts[k].group.classList.add("held");
+    if (pulls) this.grab(place);
+    return true;
+  }
+
+  /** Begin to pull. */
+  grab(place) {
+    const { player, engine } = this.page;
+    this.pulling = { to: place, from: player.t };
+    engine.ask("grab", { ...this.held, ...this.page.request(), t: player.t, speed: player.speed });
+  }
+
+  async move(to) {
+    const { held, pulling, page } = this;
+    if (pulling !== null) {
+      pulling.to = to;
+      return;
+    }
+    const { values, initial } = page.request();
+    const asked = { ...held, to, values, initial };
+    const found = await page.engine.ask("reach", asked).catch(({ message }) => sayHeld(`The scene does not go there: ${message}.`));
+    if (!found || this.held === null) return;
+    page.init = found.initial;
+    page.stage.show(page.motion, found.places);
+    page.starts.put(page.init, (name) => found.states[name]);
+  }
+
+  /** A frame of the scene with the hand in it. */
+  async pullUntil(t) {
+    const { pulling, page } = this;
+    const found = await page.engine.ask("pull", { to: pulling.to, t });
+    if (found === null || this.pulling !== pulling) return;
+    page.stage.show(page.motion, found.places);
+    page.stage.showHand(found.at, pulling.to);
+  }
+
+  async drop() {
+    const { pulling, held, page } = this;
+    const part = page.data.picture.items[held.item].part || "this";
+    page.stage.parts[held.item].group.classList.remove("held");
+    this.held = null;
+    if (pulling === null) {
+      await page.simulate();
+      if (JSON.stringify(page.init) === this.before) sayHeld(`${part} has no other place at the start: the scene holds it there.`);
+      return;
+    }
+    const serial = ++page.serial;
+    const found = await page.engine.ask("letGo", {});
+    this.pulling = null;
+    page.stage.showHand(null);
+    if (found === null || serial !== page.serial) return;
+    page.pulls = found.pulls;
+    page.putAnswer(revived(found), true);
+    const gives = found.pulls.some(([t, , [stiffness]]) => t >= pulling.from && stiffness > 0);
+    if (!gives) sayHeld(`${part} does not give way to a pull: the scene holds it, or prescribes how it moves.`);
+    page.findAccuracy(page.request());
+  }
+}
+
+/** Whether an item goes or turns with the motion. */
+export function canBeTaken(item) {
+  return item.ends.some((end) => end.moves.length) || item.turn.variable !== "" || Boolean(item.variables.angle);
+}
+
+/** Say why nothing has happened, where nothing else is to be said. */
+function sayHeld(text) {
+  if ($("trouble").textContent === "") $("trouble").textContent = text;
+}

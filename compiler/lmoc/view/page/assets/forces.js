@@ -1,0 +1,43 @@
+// Forces as arrows in the picture, in scale with the largest of the run.
+
+import { format } from "./controls.js";
+import { $ } from "./dom.js";
+
+export class Forces {
+  constructor(items, unitOf) {
+    this.names = new Map(items.map((item) => [item, forceNames(item, unitOf)]).filter(([, names]) => names.length));
+    this.on = false;
+    $("forces").disabled = this.names.size === 0;
+    if ($("forces").disabled) $("forces").parentElement.title = "nothing in the picture pulls or pushes";
+  }
+
+  turn(on) {
+    this.on = on && !$("forces").disabled;
+    $("forces").checked = this.on;
+  }
+
+  put(answer) {
+    this.values = answer.reader([...this.names.values()].flat());
+    this.largest = 0;
+    for (const own of this.names.values()) {
+      const parts = own.map((name) => answer.of(name));
+      parts[0].forEach((_, k) => (this.largest = Math.max(this.largest, Math.hypot(...parts.map((f) => f[k])) || 0)));
+    }
+  }
+
+  /** Show them at the instant t, `places` move the picture; none where they are not `wanted`. */
+  show(t, stage, motion, places, wanted) {
+    const shown = this.on && wanted && this.largest > 0;
+    $("scale").textContent = shown ? `(longest ${format(this.largest)} N)` : "";
+    const now = shown ? this.values(t) : [];
+    let next = 0;
+    const forces = shown ? [...this.names].map(([item, { length }]) => [item, now.slice(next, (next += length))]) : [];
+    stage.showForces(motion, places, new Map(forces), shown ? this.largest : 1);
+  }
+}
+
+/** The variables of the force of an item: one between its two ends or along the way of its only one, or two in the plane. */
+function forceNames({ ends, symbol, variables: { force, fx, fy } }, unitOf) {
+  if (fx && fy) return [fx, fy];
+  return unitOf(force) === "N" && (ends.length === 2 || (symbol === "force" && ends[0].moves.length > 0)) ? [force] : [];
+}

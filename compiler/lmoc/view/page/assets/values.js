@@ -1,0 +1,27 @@
+// The shown variables as text at an instant, those of the recorded run beside them.
+
+import { tableRow } from "./card.js";
+import { format } from "./controls.js";
+
+export class Values {
+  constructor(body, unitOf) {
+    Object.assign(this, { body, unitOf, names: [], now: null, other: null });
+  }
+
+  put(names, answer, other) {
+    this.now = answer.reader(names);
+    this.other = other?.reader(names) ?? null;
+    if (this.names === names) return;
+    this.names = names;
+    this.body.replaceChildren(...names.map((name) => tableRow([name, "", this.unitOf(name), ""])));
+  }
+
+  show(t) {
+    const [now, other] = [this.now(t), this.other?.(t)];
+    for (let k = 0; k < now.length; k++) {
+      const { children } = this.body.children[k];
+      children[1].textContent = format(now[k]);
+      children[3].textContent = other ? `recorded ${format(other[k])}` : "";
+    }
+  }
+}
