@@ -192,7 +192,7 @@ class CompiledDAE(CompiledModel):
 
         Of a scene with laws these are the equations of each mode that the default run meets, and the laws between them.
         Of closed loops without a short form in minimal coordinates, those in all coordinates of the loops, with a
-        multiplier for each closure.
+        multiplier for each closure. A curve through many points stands in them by its name.
 
         Parameters
         ----------
@@ -202,6 +202,7 @@ class CompiledDAE(CompiledModel):
         from lmoc.symbolic.equations import equations_of_motion
 
         prepared = self.prepare(parameters)
+        prepared = prepared if explicit else self._session.with_named_curves(prepared)
         if prepared.flat.laws:
             from lmoc.places import modes_met
             from lmoc.symbolic.laws.equations import equations_of_modes
@@ -211,8 +212,8 @@ class CompiledDAE(CompiledModel):
         if prepared.reduced.invariants is not None and not (forces or explicit):
             found = self._session.equations_of_loops(prepared)
         else:
-            found = equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
-        return replace(found, held=prepared.held) if prepared.remembered else found
+            found = equations_of_motion(prepared.reduced, prepared.values, forces, explicit, prepared.curves)
+        return replace(found, held=prepared.held)
 
     @budgeted("the equilibria", suspicion)
     def equilibria(self, inputs: Point | None = None, parameters: Point | None = None) -> Equilibria:

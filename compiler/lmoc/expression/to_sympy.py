@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -51,9 +51,19 @@ def lower(root: Expr, column: Callable[[int, int], sympy.Expr], time: sympy.Expr
         Not simplified, numbers exact. Relations inside `if` become conditions of a `Piecewise`; logical values that
         are known numbers (Boolean parameters) select a branch at once.
     """
+    return lower_with(root, column, {}, time)
+
+
+def lower_with(
+    root: Expr,
+    column: Callable[[int, int], sympy.Expr],
+    others: Mapping[str, Callable[..., Any]],
+    time: sympy.Expr | None = None,
+) -> sympy.Expr:
+    """As `lower`, with other meanings of some operators."""
     import sympy
 
-    operations = _operations()
+    operations = {**_operations(), **others}
     values: dict[int, sympy.Basic] = {}
     for node in postorder(root):
         if node.op == "const":

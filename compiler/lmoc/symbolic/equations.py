@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from html import escape
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,8 @@ import numpy as np
 from lmoc.messages.diagnostics import ModelError
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.support.records import dataclass
+from lmoc.symbolic.curve_rates import refuse_rates
+from lmoc.symbolic.curves import Curves
 from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.notation import Formula, Notation, in_words, plain_text
 from lmoc.symbolic.powers import in_powers
@@ -53,6 +56,8 @@ class EquationsOfMotion:
         What vanishes where loops are closed; each has a multiplier in the equations, a force.
     held : {name: value}
         Discrete variables that depend on the past, taken as they start: the equations are others after an event.
+    curves : {name: (name of what it goes over, name of its slope or "")}
+        Curves through many points, which stand in the equations by their names.
     """
 
     name: str
@@ -64,6 +69,7 @@ class EquationsOfMotion:
     undetermined: tuple[str, ...] = ()
     closures: tuple[sympy.Expr, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
+    curves: Curves = field(default_factory=dict)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -101,6 +107,8 @@ class EquationsOfMotion:
             lines += ["", f"{_UNDETERMINED} {', '.join(self.undetermined)}"]
         if self.held:
             lines += ["", self._held_text()]
+        if self.curves:
+            lines += ["", curves_text(self.curves)]
         return "\n".join(lines + self.notation.legend(style))
 
     def _held_text(self) -> str:
@@ -134,6 +142,8 @@ class EquationsOfMotion:
             shown += f"\n<p>{_UNDETERMINED} {', '.join(f'<code>{escape(n)}</code>' for n in self.undetermined)}</p>"
         if self.held:
             shown += f"\n<p>{escape(self._held_text())}</p>"
+        if self.curves:
+            shown += f"\n<p>{escape(curves_text(self.curves))}</p>"
         rows = []
         for full, short in self.notation.short.items():
             unit, text = self.descriptions.get(full.removeprefix("δ"), ("", ""))
@@ -163,6 +173,7 @@ class EquationsOfMotion:
             "undetermined": list(self.undetermined),
             "assumptions": list(self.assumptions),
             "held": dict(self.held),
+            "curves": {name: over for name, (over, _) in self.curves.items()},
         }
 
     def about(
@@ -214,6 +225,15 @@ class EquationsOfMotion:
         return replace(self, equations=tuple(moved), notation=notation, forces={})
 
 
+def curves_text(curves: Curves) -> str:
+    """Say which names stand for curves, and over what these go."""
+    slopes = {slope: name for name, (_, slope) in curves.items()}
+    return "curves: " + ", ".join(
+        f"{name} over {over}" + (f" (the slope of {slopes[name]})" if name in slopes else "")
+        for name, (over, _) in curves.items()
+    )
+
+
 NOTHING_MOVES = "there is no free coordinate: all motion is given"
 _UNDETERMINED = "not determined, because of a redundant loop:"
 
@@ -227,7 +247,11 @@ def _delta(name: str) -> str:
 
 
 def equations_of_motion(
-    reduced: Reduced, values: np.ndarray | None = None, forces: bool = False, solved: bool = False
+    reduced: Reduced,
+    values: np.ndarray | None = None,
+    forces: bool = False,
+    solved: bool = False,
+    curves: Curves = MappingProxyType({}),
 ) -> EquationsOfMotion:
     """Return the equations of motion of a reduced system.
 
@@ -240,6 +264,7 @@ def equations_of_motion(
         With the internal forces of ideal parts (rods, strings, gears).
     solved : bool
         For the highest derivatives, even where there is a form that divides by nothing.
+    curves : which inputs are curves (`Prepared.curves`)
 
     Raises
     ------
@@ -249,13 +274,16 @@ def equations_of_motion(
     from lmoc.symbolic.motion import accelerations, derive
 
     values = reduced.values if values is None else values
-    motion, outline = derive(reduced, values, forces, solved)
+    motion, outline = derive(reduced, values, forces, solved, curves)
+    refuse_rates([*motion.residuals, *motion.forces.values()], curves)
     if not solved:
         motion = replace(motion, residuals=tuple(_without_divided_signs(r) for r in motion.residuals))
     if max((r.count_ops() for r in motion.residuals), default=0) > MOST_OPERATIONS:
         hint = "`lmoc linearize` works in numbers"
         raise no_symbols(f"the equations of motion of {outline.name} are too long to be read", hint)
-    late = [*(u.name for u in outline.inputs), *(q.name for q in motion.coordinates)]
+    met = {s.name for value in (*motion.residuals, *motion.forces.values()) for s in value.free_symbols}
+    given = (u.name for u in outline.inputs if u.name not in curves or u.name in met)
+    late = [*given, *(q.name for q in motion.coordinates)]
     drivers = _drivers(reduced.flat, motion)
     equations = tuple(
         solved_equation(jet_symbol(q.name, n) - r, q, n)
@@ -277,6 +305,7 @@ def equations_of_motion(
         descriptions=_descriptions(flat, notation.short),
         assumptions=outline.assumptions,
         undetermined=tuple(flat.variable_name(int(v)) for v in reduced.undetermined) if forces else (),
+        curves={name: curves[name] for name in curves if name in met},
     )
 
 
@@ -293,7 +322,7 @@ def equations_in_short(prepared: Prepared, release: Callable[[], Reduced]) -> Eq
         E0660: there are none that could be read.
     """
     try:
-        return equations_of_motion(prepared.reduced, prepared.values)
+        return equations_of_motion(prepared.reduced, prepared.values, curves=prepared.curves)
     except ModelError as refused:
         if prepared.reduced.invariants is None:
             raise
@@ -304,6 +333,7 @@ def equations_in_short(prepared: Prepared, release: Callable[[], Reduced]) -> Eq
         found = equations_with_closures(released, prepared.values)
         if found is None:
             raise
+        refuse_rates((e.residual for e in found.equations), prepared.curves)
         return found
 
 

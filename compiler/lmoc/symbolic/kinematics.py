@@ -71,6 +71,14 @@ class Kinematics:
             self._shortest[value] = shortest(value, self._closures)
         return self._shortest[value]
 
+    def filled(self, name: str) -> sympy.Expr:
+        """Return the value of a variable by its name, whatever it is made of."""
+        reduced = self.interpreter.reduced
+        (variable,) = reduced.flat.find(name)
+        if reduced.register_of[variable] >= 0:
+            self.interpreter.fill([int(reduced.register_of[variable])])
+        return self.value(int(variable))
+
     def rate(self, value: sympy.Expr) -> sympy.Expr:
         """Total time derivative."""
         import sympy as sp

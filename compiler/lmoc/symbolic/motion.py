@@ -15,12 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.ir.reduced import Reduced
 from lmoc.support.records import dataclass
+from lmoc.symbolic.curve_rates import along
+from lmoc.symbolic.curves import Curves
 from lmoc.symbolic.elimination import MOST_TERMS
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
@@ -62,7 +65,13 @@ class Motion:
     values: Mapping[sympy.Symbol, float] = field(default_factory=dict)
 
 
-def derive(reduced: Reduced, values: np.ndarray, forces: bool = False, solved: bool = False) -> tuple[Motion, Outline]:
+def derive(
+    reduced: Reduced,
+    values: np.ndarray,
+    forces: bool = False,
+    solved: bool = False,
+    curves: Curves = MappingProxyType({}),
+) -> tuple[Motion, Outline]:
     """Return the equations of motion of a reduced system.
 
     Parameters
@@ -70,6 +79,7 @@ def derive(reduced: Reduced, values: np.ndarray, forces: bool = False, solved: b
     reduced, values : as in `symbolic_system`
     forces : with the internal forces of ideal parts
     solved : the explicit form even where there is one that divides by nothing
+    curves : which inputs are curves (`Prepared.curves`)
 
     Raises
     ------
@@ -78,7 +88,7 @@ def derive(reduced: Reduced, values: np.ndarray, forces: bool = False, solved: b
     """
     interpreter = SymbolicInterpreter(reduced, values, MOST_TERMS)
     outline = interpreter.outline()
-    found = None if solved else _balanced(interpreter, outline, values, forces)
+    found = None if solved else _balanced(interpreter, outline, values, forces, curves)
     if found is not None:
         return replace(found, values=dict(interpreter.parameters.used)), outline
     return explicit(symbolic_system(reduced, values, most=MOST_TERMS)), outline
@@ -117,7 +127,9 @@ def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
     )
 
 
-def _balanced(interpreter: SymbolicInterpreter, outline: Outline, values: np.ndarray, forces: bool) -> Motion | None:
+def _balanced(
+    interpreter: SymbolicInterpreter, outline: Outline, values: np.ndarray, forces: bool, curves: Curves
+) -> Motion | None:
     """Equations that divide by nothing that moves; None where there are not enough of them."""
     ports = ports_of_elements(interpreter.reduced.flat)
     try:
@@ -127,7 +139,9 @@ def _balanced(interpreter: SymbolicInterpreter, outline: Outline, values: np.nda
         residuals = _independent(kinematics, trial, _candidates(kinematics, laws, ports, trial))
         if residuals is None:
             return None
+        residuals = tuple(along(residuals, kinematics, curves))
         found, own = _reactions(laws, set(interpreter.reduced.undetermined.tolist())) if forces else ({}, {})
+        found = dict(zip(found, along(found.values(), kinematics, curves), strict=True))
     except (NoSymbolsError, NotLinearError):
         return None
     return Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), residuals, found, True, own)

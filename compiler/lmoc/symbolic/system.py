@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.expression import dag
 from lmoc.expression.to_sympy import lower
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.records import dataclass
+from lmoc.symbolic.curves import MOST_CASES, cases
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.jumps import has_cases
 from lmoc.symbolic.parameters import ParameterSymbols
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 MOST_EQUATIONS = 3000  # flat ones; beyond, symbols help nobody
 MOST_STATES = 120
-MOST_CASES = 60  # conditions in one equation: a table of 8 points has as many, and its equation fills a page
 MOST_OPERATIONS = 2_000  # of an expression that is brought into lowest terms; a longer one stays as it is
 
 
@@ -139,11 +138,10 @@ def _check_size(reduced: Reduced) -> None:
             hint="a linear model in numbers has no such limit: `lmoc linearize`",
         )
     for group in reduced.flat.groups:
-        cases = sum(node.op == "if" for side in (group.left, group.right) for node in dag.postorder(side))
-        if cases > MOST_CASES:
+        if (count := cases(group)) > MOST_CASES:
             raise no_symbols(
                 f"'{reduced.flat.variable_name(int(group.slots[0, 0]))}' is a curve through many points: "
-                f"an equation with {cases} conditions",
+                f"an equation with {count} conditions",
                 hint="a linear model in numbers has no such limit: `lmoc linearize`",
             )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 from functools import partial
 from html import escape
 from typing import TYPE_CHECKING
@@ -13,7 +14,14 @@ from lmoc.ir.law import LawKind, Laws
 from lmoc.ir.mode import mode_word
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.records import dataclass
-from lmoc.symbolic.equations import NOTHING_MOVES, EquationsOfMotion, equations_in_short, equations_of_motion
+from lmoc.symbolic.curves import Curves
+from lmoc.symbolic.equations import (
+    NOTHING_MOVES,
+    EquationsOfMotion,
+    curves_text,
+    equations_in_short,
+    equations_of_motion,
+)
 from lmoc.symbolic.equilibria import Equilibrium
 from lmoc.symbolic.laws.modes import Lawful
 from lmoc.symbolic.notation import Notation
@@ -141,6 +149,7 @@ class EquationsOfModes:
     laws: tuple[LawText, ...]
     notation: Notation
     more: int = 0
+    curves: Curves = field(default_factory=dict)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -161,7 +170,8 @@ class EquationsOfModes:
         style = ASCII if ascii else UNICODE
         parts = [f"{m.title}\n\n{_indented(m.equations.text(ascii))}" for m in self.modes]
         parts += [f"… and {self.more} more modes"] if self.more else []
-        laws = [*self.law_lines(style), *self.notation.legend(style)]
+        laws = [*self.law_lines(style), *(["", curves_text(self.curves)] if self.curves else [])]
+        laws += self.notation.legend(style)
         return "\n\n".join([*parts, f"laws\n\n{_indented(chr(10).join(laws))}"])
 
     def __str__(self) -> str:
@@ -183,7 +193,8 @@ class EquationsOfModes:
         """Each mode in MathML, then the laws, to be put into a page."""
         parts = [f"<h2>{escape(m.title)}</h2>\n{m.equations.html()}" for m in self.modes]
         laws = (f"<p><code>{escape(law.name)}</code>: {escape(law.write(self.notation))}</p>" for law in self.laws)
-        return "\n".join([*parts, "<h2>Laws</h2>", *laws])
+        curves = [f"<p>{escape(curves_text(self.curves))}</p>"] if self.curves else []
+        return "\n".join([*parts, "<h2>Laws</h2>", *laws, *curves])
 
     def to_dict(self) -> dict:
         """For JSON: the modes with their equations, and the laws as text and LaTeX."""
@@ -202,6 +213,7 @@ class EquationsOfModes:
                 }
                 for law in self.laws
             ],
+            "curves": {name: over for name, (over, _) in self.curves.items()},
         }
 
     def about(self, equilibrium: Equilibrium, inputs: Mapping[str, object] | None = None) -> EquationsOfMotion:
@@ -238,7 +250,7 @@ def equations_of_modes(
         forward = scene.jenkins & ~closed & ~scene.complementary  # whose velocity follows from the rate of its force
         mode = scene.in_mode(closed, forward.astype(int))
         if forces or solved:
-            equations = equations_of_motion(mode.reduced, mode.values, forces, solved)
+            equations = equations_of_motion(mode.reduced, mode.values, forces, solved, mode.curves)
         else:
             equations = equations_in_short(mode, partial(scene.release, mode.reduced))
         words = scene.words(closed)
@@ -248,7 +260,8 @@ def equations_of_modes(
     symbols = [law.force for law in laws] + [v for law in laws for v in law.quantities.values()]
     late = list(dict.fromkeys(q for m in found for q in m.equations.coordinates))
     notation = Notation.of(*symbols, late=late, given=own_names)
-    return EquationsOfModes(scene.flat.name, tuple(found), laws, notation, max(0, len(modes) - MOST_MODES))
+    more, curves = max(0, len(modes) - MOST_MODES), scene.prepared.curves
+    return EquationsOfModes(scene.flat.name, tuple(found), laws, notation, more, curves)
 
 
 def _all_modes(count: int) -> np.ndarray:

@@ -1,0 +1,75 @@
+"""Curves through many points in the equations of motion: by their names, their rates by the chain rule."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import sympy as sp
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+import lmoc
+
+ANGLES = np.linspace(0, 2 * np.pi, 14)
+LIFTS = 0.02 * np.sin(ANGLES / 2) ** 2
+TABLE = "{" + ", ".join(f"{{{a!r}, {h!r}}}" for a, h in zip(ANGLES.tolist(), LIFTS.tolist(), strict=True)) + "}"
+J, M, K, D0, T = 0.01, 2.0, 5000.0, 0.1, 3.0
+
+
+@cache
+def cam() -> lmoc.DAE:
+    """A cam on a shaft that is free to turn, under a mass that a spring presses on."""
+    return lmoc.compile_text(
+        f"model S Torque drive(tau = {T}); CamProfile cam(profile = {TABLE}); Fixed top(q0 = 0.1);"
+        f"Inertia shaft(J = {J}, theta(start = 0, fixed = true), omega(start = 5, fixed = true));"
+        f"Spring spring(k = {K}, d0 = {0.1 + D0}); Mass mass(m = {M}, q(start = 0), v(start = 0));"
+        "equation connect(drive.shaft, shaft.shaft);"
+        "connect(shaft.shaft, cam.shaft); connect(cam.flange, mass.flange); connect(mass.flange, spring.a);"
+        "connect(spring.b, top.flange); annotation(experiment(StopTime = 0.2)); end S;"
+    )
+
+
+def test_the_equation_of_a_cam_on_a_free_shaft_is_the_textbooks():
+    found = cam().equations()
+    closed = next(m.equations for m in found.modes if m.mode == {"cam": "contact"})
+    inertia, mass, k, h, rise, bend = sp.symbols("shaft.J mass.m spring.k cam.lift cam.rise cam.rise_slope")
+    angle, rate, acceleration = sp.symbols("shaft.theta der(shaft.theta) der(der(shaft.theta))")
+    own = (inertia + mass * rise**2) * acceleration + mass * rise * bend * rate**2 + k * rise * h
+    (equation,) = closed.equations
+    rest = sp.expand(equation.residual - own)
+    assert not rest.free_symbols & {angle, rate, acceleration, bend, h}  # the moment and the force of the closed valve
+    assert closed.curves == {"cam.lift": ("cam.shaft.theta", "cam.rise"), "cam.rise": ("cam.shaft.theta", "")}
+    assert "curves: cam.lift over cam.shaft.theta, cam.rise over cam.shaft.theta (the slope of cam.lift)" in str(found)
+    with pytest.raises(lmoc.ModelError) as caught:
+        cam().equations(explicit=True)
+    assert caught.value.diagnostics[0].code == "E0660"
+
+
+def test_the_run_of_a_cam_on_a_free_shaft_satisfies_that_equation():
+    run = cam().simulate(rtol=1e-9, points=41)
+    assert not [e for e in run.events if e.kind == "release"]
+    h = CubicSpline(ANGLES, LIFTS, bc_type="periodic")
+
+    def rates(_: float, x: np.ndarray) -> list[float]:
+        angle, omega = x
+        lift, rise, bend = (float(h(angle % (2 * np.pi), n)) for n in range(3))
+        return [omega, (T - M * rise * bend * omega**2 - K * rise * (lift + D0)) / (J + M * rise**2)]
+
+    # bends of the spline jump in no point, their slopes do: short steps
+    own = solve_ivp(rates, (0, 0.2), [0.0, 5.0], "DOP853", run.time, rtol=1e-11, atol=1e-12, max_step=1e-3).y
+    assert run["shaft.theta"] == pytest.approx(own[0], abs=1e-6 * np.abs(own[0]).max())
+    assert (run["cam.f"] > 0).all()
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_force_over_the_position_stands_in_the_equation_by_its_name(count):
+    points = ", ".join(f"{{{x}, {x**3}}}" for x in np.linspace(-1, 1, 21).round(2).tolist())
+    rest = "q(each start = 0, each fixed = true), v(each start = 0, each fixed = true)"
+    found = lmoc.compile_text(
+        f"model S TableForce push[{count}](each table = {{{points}}}); Mass mass[{count}](each m = 2, {rest}); equation"
+        f" for i in 1:{count} loop connect(push[i].flange, mass[i].flange); end for; end S;"
+    ).equations()
+    for k, one in enumerate(found.equations, 1):
+        m, a, f = sp.symbols(f"mass[{k}].m der(der(mass[{k}].q)) push[{k}].f")
+        assert sp.expand(one.residual - (m * a - f)) == 0 or sp.expand(one.residual + (m * a - f)) == 0
+    assert found.curves == {f"push[{k}].f": (f"push[{k}].flange.q", "") for k in range(1, count + 1)}
