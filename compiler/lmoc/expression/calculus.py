@@ -24,15 +24,16 @@ from lmoc.expression.dag import (
 from lmoc.expression.functions import FUNCTIONS
 
 
-def _push(root: Expr, seed: Callable[[Expr], Expr]) -> Expr:
-    """Forward differentiation: `seed` gives the derivative of every leaf."""
+def _push(root: Expr, seed: Callable[[Expr], Expr], chain: Callable[[Expr, list[Expr]], Expr] | None = None) -> Expr:
+    """Forward differentiation: `seed` gives the derivative of every leaf, `chain` of a node from its arguments'."""
+    chain = chain or _chain
     d: dict[int, Expr] = {}
     for node in postorder(root):
         if not node.args:
             d[id(node)] = seed(node)
             continue
         da = [d[id(a)] for a in node.args]
-        d[id(node)] = ZERO if all(x is ZERO for x in da) else _chain(node, da)
+        d[id(node)] = ZERO if all(x is ZERO for x in da) else chain(node, da)
     return d[id(root)]
 
 
@@ -66,7 +67,7 @@ def differentiate(root: Expr, leaf: Expr) -> Expr:
 
 
 def total_derivative(root: Expr, constant: Collection[int] = ()) -> Expr:
-    """Derivative by time: every slot goes to its next order, except the columns in `constant`."""
+    """Derivative by time: every slot goes to its next order, except the columns in `constant`; `given` says its own."""
 
     def seed(node: Expr) -> Expr:
         if node is TIME:
@@ -75,7 +76,20 @@ def total_derivative(root: Expr, constant: Collection[int] = ()) -> Expr:
             return slot(node.value[0], node.value[1] + 1)
         return ZERO
 
-    return _push(root, seed)
+    return _push(root, seed, lambda node, da: node.args[1] if node.op == "given" else _chain(node, da))
+
+
+def without_rates(root: Expr, instead: Expr | None = None) -> Expr:
+    """Put its value in the place of each `given` of an expression that is not differentiated any more, or `instead`."""
+    new: dict[int, Expr] = {}
+    for node in postorder(root):
+        args = tuple(new[id(a)] for a in node.args)
+        same = all(a is b for a, b in zip(args, node.args, strict=True))
+        if node.op == "given":
+            new[id(node)] = args[0] if instead is None else instead
+        else:
+            new[id(node)] = node if same else rebuild(node.op, args)
+    return new[id(root)]
 
 
 Linear = tuple[dict[Expr, Expr], Expr]  # coefficients of leaves, and the rest

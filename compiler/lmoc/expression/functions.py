@@ -249,6 +249,10 @@ def _power_by_exponent(of: Any, f: Any, base: Any, exponent: Any) -> Any:
     return f * of("log", base)
 
 
+def _nothing(*_: Any) -> float:
+    return 0.0
+
+
 def _inside_unit(x: float) -> bool:
     return abs(x) <= 1
 
@@ -270,6 +274,11 @@ _ENTRIES = (
     # the value of its argument; what jumps in it does so at events (Modelica 3.6, 8.5)
     Function("event", 1, lambda x: x, (lambda of, f, x: 1,), lambda np, x: x, lambda ca, x: x, "{0}",
              lambda sp, x: x, UnitRule.KEPT, Kind.OPERATOR),
+    # the value of its first argument; its derivative by time is the second, of which the third is the time: what the
+    # annotation `derivative(noDerivative = …)` of a function says (Modelica 3.6, 12.7.1)
+    Function("given", 3, None, (lambda of, f, x, rate, t: 1, _nothing, _nothing),
+             lambda np, x, rate, t: x, lambda ca, x, rate, t: x, "{0}", lambda sp, x, rate, t: x,
+             UnitRule.KEPT, Kind.OPERATOR),
     # Modelica 3.6, 3.7.3: elementary functions
     _entry("sqrt", math.sqrt, lambda of, f, x: 0.5 / f, unit=UnitRule.ROOT, domain=lambda x: x >= 0),
     _entry("sin", math.sin, lambda of, f, x: of("cos", x)),

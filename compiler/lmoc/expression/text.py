@@ -50,7 +50,7 @@ def _node_text(node: Expr, args: list[tuple[str, float]], name: Callable[[int, i
         return name(*node.value), _ATOM
     if op == "time":
         return "time", _ATOM
-    if op == "event":
+    if op in ("event", "given"):
         return args[0]
     if op == "if":
         parts = [_bracket(a, 0.5) for a in args]

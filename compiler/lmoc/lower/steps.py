@@ -67,7 +67,7 @@ def single_node(writer: Writer, node: Expr, row: list[int], place: dict[Expr, in
         return writer.constant(node.value)
     if op == "time":
         return writer.time
-    if op == "event":
+    if op in ("event", "given"):
         return place[node.args[0]]
     power = _small_power(node)
     if power:
@@ -172,7 +172,7 @@ class _Loop:
         if node.op == "time":
             return self.writer.time, -1
         args = [self.operand[id(a)] for a in node.args]
-        if node.op == "event":
+        if node.op in ("event", "given"):
             return args[0]
         power = _small_power(node)
         if all(flag < 0 for _, flag in args[: 1 if power else None]):

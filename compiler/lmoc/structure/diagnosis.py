@@ -258,6 +258,20 @@ def refused_states(
             _refuse(report, message, reason, _span(flat, int(v)))
 
 
+def given_rates(
+    system: EquationSystem, layout: RegisterLayout, is_state: np.ndarray, c: np.ndarray, report: Report
+) -> None:
+    """E0230: motions with a rate of their own (`given`) whose positions are states, which nothing would hold."""
+    endless = (layout.width[system.variable] <= system.rate_orders(c)).any()
+    for b, columns in system.given_motions():
+        free = is_state[layout.base[system.variable[columns]]].all(axis=1) & (c[b.row] > 0) | endless
+        if free.any():
+            equations, source = Equations(system.flat), int(system.source[b.row[np.flatnonzero(free)[0]]])
+            message = f"the rate that a function gives itself in '{equations.text(source)}' moves what is a state"
+            report.error("E0230", message, next(iter(equations.spans([source])), None),
+                         hint="states=[…], --states or stateSelect chooses others")  # fmt: skip
+
+
 def _refuse(report: Report, message: str, reason: str, span: Span | None) -> None:
     hint = "leave it out of states=[…] (--states), or name fewer states"
     report.error("E0406", f"{message}: {reason}", span, hint=hint, subject=Subject.STATE_REFUSED)

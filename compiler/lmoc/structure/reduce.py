@@ -31,7 +31,6 @@ from lmoc.structure.coordinates.selection import Selection, Starts, select
 from lmoc.structure.coordinates.shared import Shared
 from lmoc.structure.coordinates.start_guess import block_unknowns, guess_at, guess_of
 from lmoc.structure.discrete.order import discrete_steps
-from lmoc.structure.index.sigma import highest_value_transversal
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.loops.manifold import without_dependent
@@ -87,7 +86,7 @@ def solve_structure(
 ) -> Solved:
     """Choose the states and solve the equations for everything else. Parameters and errors as of `reduce`."""
     system = EquationSystem(normalized)
-    match = highest_value_transversal(system.incidence)
+    match = system.transversal()
     if match is None:
         diagnosis.structurally_singular(system, report)
         raise ModelError(report.diagnostics)
@@ -97,6 +96,7 @@ def solve_structure(
         diagnosis.dependent_constraints(system, selection.jacobian(), selection.choice.singular, report)
         raise ModelError(report.diagnostics)
     diagnosis.refused_states(system, states or (), selection.layout, selection.is_state, selection.c, report)
+    diagnosis.given_rates(system, selection.layout, selection.is_state, selection.c, report)
     minimal, found, rate = selection, closures(selection), np.zeros(0, np.int64)
     if loops and found is not None:
         selection, rate = released(selection, found)

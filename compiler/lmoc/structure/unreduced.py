@@ -16,7 +16,6 @@ from lmoc.ir.program import Apply, Program, Total
 from lmoc.ir.reduced import Reduced
 from lmoc.structure.blocks.block_equations import SquareSystem
 from lmoc.structure.coordinates.selection import Selection, select
-from lmoc.structure.index.sigma import highest_value_transversal
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.registers.assemble import Solved, assemble
 from lmoc.structure.registers.layout import RegisterLayout
@@ -71,7 +70,7 @@ def with_dummy_derivatives(flat: FlatDAE, values: np.ndarray) -> Unreduced:
     SingularSystemError
     """
     system = EquationSystem(_as_it_stands(flat, values))
-    match = highest_value_transversal(system.incidence)
+    match = system.transversal()
     if match is None:
         raise SingularSystemError("the equations are structurally singular")
     selection = select(system, match, np.zeros(0, np.int64))

@@ -143,7 +143,20 @@ def _comprehend(context: Context, e: tree.Comprehension, k: int) -> Value:
                 raise
     context.model.rounds.spend(len(numbers), e.span)
     inner = [_comprehend(context.within(context.space, {index.name: number(x, type_)}), e, k - 1) for x in numbers]
-    return stack(inner) if inner else Value(None, (0,), "Real", ())
+    if inner:
+        return stack(inner)
+    rest = _sizes(context.within(context.space, {index.name: number(0, type_)}), e, k - 1)
+    return Value(None, (0, *rest), "Real", ())
+
+
+def _sizes(context: Context, e: tree.Comprehension, k: int) -> tuple[int, ...]:
+    """Return the sizes of the arrays in an array without elements, as far as they are written as further ranges."""
+    if k < 0:
+        inner = e.element
+        return _sizes(context, inner, len(inner.indices) - 1) if isinstance(inner, tree.Comprehension) else ()
+    index = e.indices[k]
+    numbers, type_ = iteration(context, index, e.element)
+    return len(numbers), *_sizes(context.within(context.space, {index.name: number(0, type_)}), e, k - 1)
 
 
 def _comprehend_at_once(context: Context, e: tree.Comprehension, k: int, numbers: np.ndarray, type_: str) -> Value:

@@ -18,6 +18,7 @@ from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.dimensions import DimensionType, dimension_type
 from lmoc.semantics.values.formals import declared_in, has_gap, in_order_of_use, mismatch, sizes, widened
+from lmoc.semantics.values.given_rates import with_rates
 from lmoc.semantics.values.reference import find_start, step
 from lmoc.semantics.values.translate import dims_text
 from lmoc.semantics.values.unit_inference import has_unit
@@ -177,7 +178,13 @@ class _Body:
         if self.makes_record:
             found = record({name: self.values[name] for name in self.declared}, (), resolve(self.function).base.name)
             return [_with_lead(found, lead)]
-        return [_with_lead(self._output(n), lead) for n, v in self.declared.items() if v.role == "output"]
+        outputs = [self._output(n) for n, v in self.declared.items() if v.role == "output"]
+        given = {name: self.values[name] for name in inputs}
+        outputs = with_rates(self.context, self.function, self.declared, given, outputs, self._again)
+        return [_with_lead(output, lead) for output in outputs]
+
+    def _again(self, function: Scope, values: list[Value]) -> list[Value]:
+        return _Body(self.context, function, self.call, self.home).applied(values)
 
     def _one_by_one(self, inputs: dict[str, Value], count: int) -> list[Value]:
         """Results of a call with arrays whose elements are different expressions, for each element by itself."""

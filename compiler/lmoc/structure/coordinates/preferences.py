@@ -14,7 +14,6 @@ from lmoc.ir.flat import Kind, StateSelect
 from lmoc.structure.coordinates.coordinates import Wish
 from lmoc.structure.coordinates.jumps import jumping
 from lmoc.structure.coordinates.tied import Tied
-from lmoc.structure.index.sigma import offsets
 from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.linear.coefficients import linear_form
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
@@ -63,6 +62,7 @@ def preference(system: EquationSystem, tied: Tied, c: np.ndarray, wanted: np.nda
     level[liked] = 6
     level = np.where(worst < StateSelect.default, worst, level)
     level = np.where(best > StateSelect.default, best + 10, level)
+    level[[c for _, columns in system.given_motions() for c in columns.ravel().tolist()]] = -1
     level[wanted] = 100 + np.arange(len(wanted))[::-1]
     level[jumping(system, c)] = -1
     rank = np.empty(len(level), np.int64)
@@ -113,7 +113,7 @@ def offsets_with_room(
     c, d : as `sigma.offsets`
     """
     incidence = system.incidence
-    c, d = offsets(incidence, match, system.needed)
+    c, d = system.offsets(match, system.needed)
     liked = _marked(system) | _implicit(system, match, d)
     liked[wanted] = liked[more] = True
     if not liked.any():
@@ -123,7 +123,7 @@ def offsets_with_room(
     np.maximum.at(reach, incidence.row[~own], d[incidence.column[~own]] - incidence.order[~own])
     lower = system.needed.copy()
     np.maximum.at(lower, incidence.column[own], reach[incidence.row[own]] + incidence.order[own])
-    return offsets(incidence, match, lower)
+    return system.offsets(match, lower)
 
 
 def distances(system: EquationSystem, c: np.ndarray, d: np.ndarray) -> np.ndarray:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache, cached_property
 
 import numpy as np
 
-from lmoc.expression.calculus import total_derivative
-from lmoc.expression.dag import Expr, slots
+from lmoc.expression.calculus import total_derivative, without_rates
+from lmoc.expression.dag import ZERO, Expr, postorder, slots
 from lmoc.ir.flat import Kind
 from lmoc.ir.normalized import LongSums, Normalized
 from lmoc.structure.index.incidence import Incidence
+from lmoc.structure.index.sigma import highest_value_transversal, offsets
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN, Kinds, kinds_of, leaves_of
 from lmoc.support.indices import INDEX, counted, positions
 from lmoc.support.records import dataclass
+
+_MOST_ROUNDS = 8  # of derivatives that rates are made of: more come where a rate needs its own derivative
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +79,7 @@ class EquationSystem:
     column : (extended,) number of each unknown root, -1 for all else
     batches, sums : the equations
     source : (rows,) flat equation that each row comes from
-    incidence : Incidence
+    incidence, differentiable : Incidence, whole and without what only `given` contains
     needed : (columns,) the highest derivative of each root that some variable of the flat model is
     """
 
@@ -93,6 +97,8 @@ class EquationSystem:
         self.source = np.concatenate([*(g.source for g in normalized.groups if g.rows), normalized.sums.source])
         self.rows = len(self.source)
         self.incidence = self._incidence()
+        self.given = [b for b in self.batches if any(node.op == "given" for node in postorder(b.shape))]
+        self.differentiable = self._incidence(ZERO) if self.given else self.incidence
         self.needed = np.zeros(len(self.variable), INDEX)
         at = np.flatnonzero((normalized.order > 0) & (self.column[normalized.root] >= 0))
         columns = self.column[normalized.root[at]].astype(np.int64)
@@ -107,10 +113,51 @@ class EquationSystem:
                 first += g.rows
         return tuple(result)
 
-    def _incidence(self) -> Incidence:
+    def transversal(self) -> np.ndarray | None:
+        """Return a highest-value transversal, if possible without what a derivative does not contain (`given`)."""
+        match = highest_value_transversal(self.incidence)
+        if match is None or self.differentiable is self.incidence:
+            return match
+        other = highest_value_transversal(self.differentiable)
+        return match if other is None or self._value(other) < self._value(match) else other
+
+    def offsets(self, match: np.ndarray, lower: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the offsets for a transversal (`sigma.offsets`), with the derivatives that a rate is made of."""
+        for _ in range(_MOST_ROUNDS):
+            c, d = offsets(self.incidence, match, lower)
+            lower = np.maximum(lower, self.rate_orders(c))
+            if (d >= lower).all():
+                break
+        return c, d
+
+    def rate_orders(self, c: np.ndarray) -> np.ndarray:
+        """Return the highest derivative of each unknown in what equations with a `given` come to (columns,)."""
+        top = np.zeros(len(self.variable), np.int64)
+        for b in self.given:
+            shape = b.shape
+            for times in range(int(c[b.row].max()) + 1):
+                rows = np.flatnonzero(c[b.row] >= times)
+                for leaf in leaves_of(without_rates(shape), b.kinds, UNKNOWN):
+                    np.maximum.at(top, self.column[b.slots[rows, leaf.value[0]]], leaf.value[1])
+                shape = derivative(shape, b.kinds)
+        return top
+
+    def given_motions(self) -> Iterator[tuple[EquationBatch, np.ndarray]]:
+        """Yield what sets unknowns to positions with rates of their own, and the columns of what it sets (rows, n)."""
+        for b in self.given:
+            moved = {leaf.value[0] for leaf in leaves_of(without_rates(b.shape, ZERO), b.kinds, UNKNOWN)}
+            if {leaf.value[0] for leaf in b.unknown} - moved:
+                yield b, self.column[b.slots[:, sorted(moved)]]
+
+    def _value(self, match: np.ndarray) -> int:
+        i = self.incidence
+        return int(i.order[match[i.row] == i.column].sum())
+
+    def _incidence(self, given: Expr | None = None) -> Incidence:
         row, column, order = [self.sums.row[self.sums.entry_row]], [self.column[self.sums.index]], [self.sums.order]
         for b in self.batches:
-            highest = {leaf.value[0]: leaf.value[1] for leaf in b.unknown}  # leaves come with their orders rising
+            unknown = leaves_of(without_rates(b.shape, given), b.kinds, UNKNOWN)
+            highest = {leaf.value[0]: leaf.value[1] for leaf in unknown}  # leaves come with their orders rising
             for k, n in highest.items():
                 row.append(b.row)
                 column.append(self.column[b.slots[:, k]])
@@ -133,7 +180,7 @@ class EquationSystem:
                     shape = derivative(shape, b.kinds)
                     rows = np.flatnonzero(c[b.row] >= times)
                 part = b if rows is None or len(rows) == len(b.row) else b.take(rows)
-                batches.append(EquationBatch(shape, part.kinds, part.slots, part.row, times))
+                batches.append(EquationBatch(without_rates(shape), part.kinds, part.slots, part.row, times))
         if self.sums.row.size:
             for times in range(int(c[self.sums.row].max()) + 1):
                 sums.append(_sums_from(self.sums, np.flatnonzero(c[self.sums.row] >= times), times))
