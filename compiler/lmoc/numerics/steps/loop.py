@@ -20,7 +20,9 @@ _BATCH = 200_000  # numbers collected before they are handed on
 # steps between two looks at the clock at the most, and rows evaluated in them, by a method that makes them at once
 _MANY, _ROWS = 4096, 200_000
 _STALL, _GUARDED = 10_000, 1_000  # steps after which it is judged whether they get on, of guarded ones the latter
-_HOPELESS = 1e10  # steps still ahead at the pace of the latest `_STALL`, and of those before: a day's work, and more
+# numbers of steps, and how many are still ahead at the pace of the latest, and of those before, that have no end in
+# sight: a day's work and more; a universe's age, which a layer that is left behind in steps ever longer never asks for
+_PACES = (_STALL, 1e10), (1_000, 1e25)
 _OK = Status.OK  # attributes of an enumeration are slow to look up
 
 
@@ -41,7 +43,8 @@ class Loop:
         self.most = max(1, _BATCH // max(1, len(problem.x)))
         self.finder = None if problem.roots is None else RootFinder(problem.roots, problem.t, problem.x)
         self.judged = 0, problem.t  # steps and time when it was last looked at whether they get on
-        self.paced = 0, problem.t, False  # the same over `_STALL` steps, and whether these had no end in sight
+        # the same for each of `_PACES`, and whether there was no end in sight
+        self.paced = [(0, problem.t, False) for _ in _PACES]
         # where it ends within the last step; before that has been looked at, where it has begun: an interruption may
         # come between a step over a root and the search for it
         self.place: tuple[float, np.ndarray] | None = None
@@ -167,12 +170,8 @@ class Loop:
     def halted(self, done: int) -> Status:
         """Return why the latest steps have hardly got on: a jump of the equations, a singular position; OK else."""
         problem, run = self.problem, self.run
-        if done - self.paced[0] >= _STALL:
-            (before, at, seen) = self.paced
-            slow = (done - before) * (problem.end - run.t) > _HOPELESS * (run.t - at)
-            self.paced = done, run.t, slow
-            if slow and seen:
-                return Status.CRAWLING
+        if self.crawls(done):
+            return Status.CRAWLING
         guarded = problem.guard is not None
         if not (guarded or problem.held) or done - self.judged[0] < (_GUARDED if guarded else _STALL):
             return _OK
@@ -185,6 +184,18 @@ class Loop:
             return Status.CHATTERING
         status = problem.guard.stuck(Status.CRAWLING) if guarded else _OK
         return _OK if status is Status.CRAWLING else status
+
+    def crawls(self, done: int) -> bool:
+        """Return whether the latest steps, and those before, have no end in sight."""
+        run = self.run
+        for k, (many, hopeless) in enumerate(_PACES):
+            before, at, seen = self.paced[k]
+            if done - before >= many:
+                slow = (done - before) * (self.problem.end - run.t) > hopeless * (run.t - at)
+                self.paced[k] = done, run.t, slow
+                if slow and seen:
+                    return True
+        return False
 
     def step_unwatched(self) -> Status:
         """One step and its output."""
