@@ -118,7 +118,7 @@ def closed_chain(n: int) -> tuple[str, np.ndarray]:
     span = float(np.cos(directions).sum()) / n
     starts = ", ".join(map(repr, directions.tolist()))
     turns = ", ".join(map(repr, np.diff(directions, prepend=0.0, append=0.0).tolist()))
-    return f"""
+    text = f"""
 model Chain "Bars between two fixed points"
   import Planar.*;
   inner World world;
@@ -133,7 +133,8 @@ equation
   end for;
   connect(pin[{n + 1}].b, right.frame);
 end Chain;
-""", directions
+"""
+    return text, directions
 
 
 def angles_of_a_closed_chain(start: np.ndarray, times: np.ndarray) -> np.ndarray:
