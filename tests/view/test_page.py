@@ -287,3 +287,12 @@ def test_the_terms_that_are_shaded_add_up_at_every_instant(file):
     else:
         assert set(counts) == {41}
     assert [missing for *_, missing in own] == ([1, 1] if "crank" in file else [0] * len(own))
+
+
+def test_what_does_not_change_takes_no_room_among_the_terms():
+    """Half a car has 26 names in its terms, fourteen of them parameters; as columns they would be too many."""
+    run = lmoc.compile(ROOT / "models/textbook/half_car.lmo").simulate(points=1501)
+    found = contents(run, "M")
+    jets = {jet["name"]: jet for jet in found.data["jets"]}
+    assert jets["m1"]["value"] == 40 and "column" not in jets["m1"]
+    assert "column" in jets["der(body.q)"] and found.terms != "[]"

@@ -86,7 +86,7 @@ def contents(run: Result, title: str) -> Contents:
         "complete": run.complete,
         "reason": "" if run.complete else f"broke off at {run.broke_off:.6g} s",
         "time": _packed(table.time, "<f8"),
-        "values": _packed(np.concatenate([table.columns, terms.values]) if len(terms.names) else table.columns, "<f4"),
+        "values": _packed(np.concatenate([table.columns, terms.values]) if len(terms.values) else table.columns, "<f4"),
         "variables": table.variables,
         "shown": shown,
         "energy": energy,
@@ -99,7 +99,7 @@ def contents(run: Result, title: str) -> Contents:
         "sizes": table.sizes(),
         "parts": parts_data(run, [] if picture is None else [item.part for item in picture.items if item.part]),
         "script": script_data(run, own),
-        "jets": [jet | {"column": len(table.columns) + k} for k, jet in enumerate(jets_data(terms, run, own))],
+        "jets": jets_data(terms, run, own, len(table.columns)),
         "terms": terms.modes,
     }
     return Contents(data, missing, equations.html, terms.text)

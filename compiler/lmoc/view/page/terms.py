@@ -28,13 +28,15 @@ class Terms:
     Attributes
     ----------
     names : of parameters, variables and derivatives that the terms are made of
-    values : (names, times) over the run
+    constants : {name: value} of those that do not change in the run
+    values : (other names, times) over the run
     modes : {law: mode} of each group of equations, None for all modes
     text : JavaScript of ``[[[[left], [right]], …], …]`` by mode, equation and side: functions of an array of values in
         the order of the names; null for what has no value, such as the force of a closed loop
     """
 
     names: tuple[str, ...] = ()
+    constants: dict[str, float] = field(default_factory=dict)
     values: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     modes: tuple[dict[str, str] | None, ...] = ()
     text: str = "[]"
@@ -46,13 +48,15 @@ def terms_of(equations: PageEquations, run: Result, rows: np.ndarray) -> Terms:
         return Terms()
     sides = [side for _, own in equations.modes for e in own for side in (e.left, e.right)]
     names = sorted({s.name for side in sides for c, f in side for s in (c * f).free_symbols})
-    known = {n: v for n in names if (v := _over_time(run, n)) is not None}
-    if not known or len(known) * len(rows) > MOST_JETS:
+    known = {n: v[rows] for n in names if (v := _over_time(run, n)) is not None}
+    constants = {n: float(v[0]) for n, v in known.items() if (v == v[0]).all()}
+    changing = [v for n, v in known.items() if n not in constants]
+    if not known or len(changing) * len(rows) > MOST_JETS:
         return Terms()
     place = {n: k for k, n in enumerate(known)}
     text = ",".join(f"[{','.join(map(lambda e: _equation(e, place), own))}]" for _, own in equations.modes)
     modes = tuple(None if mode is None else dict(mode) for mode, _ in equations.modes)
-    return Terms(tuple(known), np.array([v[rows] for v in known.values()]), modes, f"[{text}]")
+    return Terms(tuple(known), constants, np.array(changing), modes, f"[{text}]")
 
 
 def _over_time(run: Result, name: str) -> np.ndarray | None:
@@ -107,12 +111,19 @@ def _function(term: sympy.Expr, place: dict[str, int]) -> str:
     return "null" if unknown or "\n" in code else f"(v)=>{code}"
 
 
-def jets_data(terms: Terms, run: Result, own: OwnRun) -> list[dict[str, Any]]:
-    """Return {name, register} of what the terms are made of, as far as the page's own run computes it."""
+def jets_data(terms: Terms, run: Result, own: OwnRun, column: int) -> list[dict[str, Any]]:
+    """Return {name, value or column, register} of what the terms are made of; registers where the page's run has them.
+
+    Parameters
+    ----------
+    column : the first of those of the terms' values among all of the page
+    """
     found = []
+    place = {n: column + k for k, n in enumerate(n for n in terms.names if n not in terms.constants)}
     for name in terms.names:
+        given = {"column": place[name]} if name in place else {"value": terms.constants[name]}
         register = next((r for jet in _jets(run.flat, name) if (r := _register(own, run.flat, *jet)) >= 0), -1)
-        found.append({"name": name} | ({"register": register} if register >= 0 else {}))
+        found.append({"name": name} | given | ({"register": register} if register >= 0 else {}))
     return found
 
 

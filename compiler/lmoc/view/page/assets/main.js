@@ -358,10 +358,9 @@ class Page {
     this.places = answer.reader(names);
     this.otherPlaces = against?.answer.reader(names) ?? null;
     const first = columns.map((c) => c[0] ?? NaN);
-    const { swinging } = data;
-    const mode = swinging.modes[$("mode").value] ?? null;
+    const mode = data.swinging.modes[$("mode").value] ?? null;
     const extremes = names.map((name, k) => extremesOf([...columns[k], ...(against?.answer.of(name) ?? [])]));
-    this.swing = mode === null ? null : new ModeMotion(mode, swinging.names, names, first, extremes, this.unitOf);
+    this.swing = mode === null ? null : new ModeMotion(mode, data.swinging.names, names, first, extremes, this.unitOf);
     this.forces.put(answer);
     const motion = new Motion(data.picture, names, first, extremes);
     const every = Math.max(1, Math.ceil(answer.time.length / INSTANTS));
