@@ -145,7 +145,7 @@ def _legs(shaft: Turning, style: Style, radius: float, down: bool, held: bool) -
     if not shaft.legs:
         if not held:
             return []
-        stem = symbols.path((0, way * radius), (0, way * (radius + 14)), width=2.0)
+        stem = symbols.path((0, 0), (0, way * (radius + 14)), width=2.0)  # a cam leaves its rim
         ground = symbols.wall("", Anchor(0, way * (radius + 14)), (0, way), -15, 15, "bearing")
         return [Item("bearing", "", (Anchor(0, 0),), (stem,)), ground]
     n = len(shaft.legs)
