@@ -20,6 +20,7 @@ from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
 from lmoc.support.records import dataclass
 
+_KEPT = 4  # starts: those of a parameter to both sides, as differences ask for them, in the order of their steps
 Starts = dict[tuple[bytes, int], StartPoint]  # by how often equations are differentiated, and the orders of derivatives
 
 
@@ -34,7 +35,7 @@ class Candidate:
     tied, choice : the constraint matrix and what was chosen
     match : a highest-value transversal
     wanted : columns the user requested, best first
-    kept : the start that has been looked for last
+    kept : the starts that have been looked for last
     """
 
     system: EquationSystem
@@ -66,7 +67,7 @@ class Candidate:
         fixed: tuple[np.ndarray, np.ndarray] | None = None,
         at_rest: np.ndarray | None = None,
     ) -> StartPoint:
-        """Return the point where the scene starts; the last one is kept.
+        """Return the point where the scene starts; the last ones are kept.
 
         Parameters
         ----------
@@ -74,12 +75,15 @@ class Candidate:
         fixed : flat variables, and the values that are given to them for one run
         at_rest : roots that shall be zero if nothing is said about them
         """
+        if fixed is not None and not len(fixed[0]):
+            fixed = None
         given = (values, *(fixed or ()), at_rest)
         key = tuple(b"" if a is None else a.tobytes() for a in given)
         if key not in self.kept:
             system = self.system if values is None else self.with_values(values)
             found = start_point(system, self.c, len(self.sample.value) - 1, fixed, at_rest)
-            self.kept.clear()
+            if len(self.kept) == _KEPT:
+                del self.kept[next(iter(self.kept))]
             self.kept[key] = found
         return self.kept[key]
 
