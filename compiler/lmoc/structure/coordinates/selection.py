@@ -20,7 +20,7 @@ from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
 from lmoc.support.records import dataclass
 
-_KEPT = 4  # starts: those of a parameter to both sides, as differences ask for them, in the order of their steps
+_KEPT = 4  # starts: those of a parameter to both sides, as differences ask for them
 Starts = dict[tuple[bytes, int], StartPoint]  # by how often equations are differentiated, and the orders of derivatives
 
 
