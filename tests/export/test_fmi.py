@@ -280,18 +280,6 @@ def test_without_a_compiler_there_are_sources(monkeypatch, tmp_path, capsys) -> 
     assert "sources/model.c" in names and "model.png" in names and not any("binaries" in n for n in names)
 
 
-@pytest.mark.parametrize(
-    ("name", "why"),
-    [("hard/h01_cartesian_pendulum", "coordinates")],
-)
-def test_what_cannot_be_exported_is_refused_by_name(name: str, why: str, tmp_path) -> None:
-    with pytest.raises(lmoc.ModelError) as caught:
-        lmoc.compile(MODELS / f"{name}.lmo").export(tmp_path / "scene.fmu")
-    (found,) = caught.value.diagnostics
-    assert found.code == "E0669" and why in found.message
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_target_names_the_platform(monkeypatch) -> None:
     monkeypatch.setenv("LMOC_CC", "true -target x86_64-windows-gnu")
     assert (find_compiler().folder(3), find_compiler().folder(2)) == ("x86_64-windows", "win64")

@@ -46,6 +46,12 @@ class _Writer:
     def texts(self, values: tuple[str, ...]) -> str:
         return self.array("char *const", np.array(values, object), _text)
 
+    def structures(self, kind: str, items: list[str]) -> str:
+        self._count += 1
+        name = f"a{self._count}"
+        self.lines.append(f"static const {kind} {name}[] = {{{', '.join(items) or '{0}'}}};")
+        return name
+
     def block(self, block: SolveBlock, patient: bool) -> str:
         instances, size = block.unknowns.shape
         tables = [self.ints(t) for t in block.tables]
@@ -57,9 +63,7 @@ class _Writer:
     def tape(self, tape: Tape, patient: bool) -> str:
         blocks = [self.block(b, patient) for b in tape.blocks]
         pivots = [(b.unknowns.shape[0] if b.kept else 1) * b.unknowns.shape[1] for b in tape.blocks]
-        self._count += 1
-        name = f"a{self._count}"
-        self.lines.append(f"static const lmoc_block {name}[] = {{{', '.join(blocks) or '{0}'}}};")
+        name = self.structures("lmoc_block", blocks)
         places, values = tape.constants
         counts = f"{tape.size}, {tape.time}, {len(tape.blocks)}, {len(places)}, {len(tape.results)}"
         arrays = [self.ints(places), self.reals(values), self.ints(tape.code), self.ints(tape.index), name]
@@ -131,6 +135,28 @@ def _jumps(w: _Writer, own: Executable) -> str:
     return "{" + ", ".join(parts) + "}"
 
 
+def _loops(w: _Writer, own: Executable) -> str:
+    """Write the closures of a scene; return the initializer of ``fmu_loops``, without stages where there are none."""
+    loops, none = own.loops, f"{{0, 0, 0, 0, {w.tape(_EMPTY, True)}}}"
+    if loops is None:
+        return f"{{.stage = {{{none}, {none}}}}}"
+    stages = []
+    for stage, tape in zip(loops.stages, loops.tapes, strict=True):
+        groups = []
+        for g in stage.loops:
+            (count, m), n = g.rows.shape, g.columns.shape[1]
+            loop, i, j = g.place
+            tables = ", ".join(w.ints(t) for t in (g.rows, g.columns, g.entry, (loop * m + i) * n + j))
+            groups.append(f"{{{count}, {m}, {n}, {len(g.entry)}, {tables}, 0, 0, 0, 0, 0, 0}}")
+        name = w.structures("lmoc_loops", groups)
+        sizes = f"{len(stage.residual)}, {len(stage.jacobian.source)}, {len(groups)}"
+        stages.append(f"{{{sizes}, {name}, {w.tape(tape, not own.branches)}}}")
+    held = np.where(loops.free, 0.0, loops.scale)
+    tables = [w.ints(loops.given), w.reals(loops.scale), w.reals(held), w.ints(own.closing, "lmoc_flag")]
+    both = ", ".join((*stages, none)[:2])
+    return f"{{{len(stages)}, {len(loops.given)}, {{{both}}}, {', '.join(tables)}}}"
+
+
 def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
     """Return the text in C, and the token that stands for it.
 
@@ -154,8 +180,8 @@ def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
         plan.count, len(own.variables), len(plan.states), len(own.inputs), len(own.parameters), len(own.given),
         len(own.kept), len(own.unknowns), len(own.breaks), len(own.outputs), int(own.branches),
     ]  # fmt: skip
-    parts = [", ".join(map(str, counts)), *tapes, ", ".join(tables), f"{{{rules}}}", _events(w, own), _laws(w, own)]
-    parts.append(_jumps(w, own))
+    parts = [", ".join(map(str, counts)), *tapes, ", ".join(tables), f"{{{rules}}}"]
+    parts += [_events(w, own), _laws(w, own), _jumps(w, own), _loops(w, own)]
     body = ",\n".join(parts)
     start, stop = float(own.run.time[0]), float(own.run.trajectory.planned)
     ends = f"{_real(start)}, {_real(stop - start)}, {_real(tolerance)}"

@@ -118,7 +118,8 @@ def _start(own: Executable, v: Variable) -> float | None:
         Place.STATE: own.start,
         Place.INPUT: own.input_start,
     }
-    return float(values[v.place][v.index]) if v.place in values else None
+    given = v.place in values and v.initial != "calculated"
+    return float(values[v.place][v.index]) if given else None
 
 
 def _attributes(own: Executable, v: Variable) -> tuple[dict[str, str], dict[str, str]]:
@@ -172,16 +173,17 @@ def _free(own: Executable, name: str) -> str:
     return name
 
 
+def _is_initial(v: Variable) -> bool:
+    """Return whether a variable that is calculated is an unknown of initialization."""
+    return v.causality in ("output", "calculatedParameter") or v.state >= 0 or v.place == Place.STATE
+
+
 def _structure(root: Xml.Element, own: Executable, fmi: int) -> None:
     found = Xml.SubElement(root, "ModelStructure")
     outputs = [k for k, v in enumerate(own.variables, 1) if v.causality == "output"]
     by_state = {v.state: k for k, v in enumerate(own.variables, 1) if v.state >= 0}
     derivatives = [by_state[i] for i in sorted(by_state)]
-    unknown = [
-        k
-        for k, v in enumerate(own.variables, 1)
-        if (v.initial == "calculated" and (v.causality in ("output", "calculatedParameter") or v.state >= 0))
-    ]
+    unknown = [k for k, v in enumerate(own.variables, 1) if v.initial == "calculated" and _is_initial(v)]
     indicators = [k for k, v in enumerate(own.variables, 1) if v.place == Place.INDICATOR]
     groups = (("Outputs", "Output", outputs), ("Derivatives", "ContinuousStateDerivative", derivatives),
               ("InitialUnknowns", "InitialUnknown", unknown), ("", "EventIndicator", indicators))  # fmt: skip

@@ -9,6 +9,8 @@ import numpy as np
 from lmoc.export.instants import Instants, instants
 from lmoc.export.jumps import JumpTables, jump_tables
 from lmoc.export.laws import LawTables, law_tables, why_not
+from lmoc.export.loops import LoopTables, as_given, closing_parameters, in_all_coordinates, loop_tables
+from lmoc.export.refusals import refusal
 from lmoc.export.variables import Variable, listed
 from lmoc.expression.dag import ONE, depends_on_time, slot
 from lmoc.ir.flat import FlatDAE, Kind
@@ -17,12 +19,11 @@ from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, re
 from lmoc.ir.reduced import Reduced
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.tape import Tape
-from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
+from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.numerics.evaluate.engine_system import has_branches
 from lmoc.numerics.events.discrete_state import initial_values
 from lmoc.numerics.laws.switching import all_open
 from lmoc.numerics.observe.slices import slice_of
-from lmoc.numerics.observe.trajectory import SegmentRecord
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, default_signals
@@ -62,6 +63,8 @@ class Executable:
     events : Instants
     laws : LawTables; None where there are none
     jumps : JumpTables; None where nothing steps
+    loops : closed loops whose coordinates are all states; None where minimal coordinates serve all the way
+    closing : (parameters,) whether their closures depend on one
     variables : in the order of their value references, from 1 on
     zero_inputs : {name: 0} of inputs that the model leaves open
     held : names of parameters that cannot be set, since structure or start depend on them
@@ -94,6 +97,8 @@ class Executable:
     events: Instants
     laws: LawTables | None
     jumps: JumpTables | None
+    loops: LoopTables | None
+    closing: np.ndarray
     variables: tuple[Variable, ...]
     zero_inputs: dict[str, float]
     held: tuple[str, ...]
@@ -116,8 +121,11 @@ def executable(dae: CompiledDAE) -> Executable:
     if why := why_not(plan):
         raise refusal(flat, why)
     zero_inputs = {flat.variable_name(v): 0.0 for v in open_inputs}
-    run = dae.simulate(energy=False, inputs=zero_inputs)
-    _refuse_run(flat, run)
+    run = minimal = dae.simulate(energy=False, inputs=zero_inputs)
+    of_loops = in_all_coordinates(dae, run, zero_inputs)
+    if of_loops is not None:
+        run, plan = of_loops, build_plan(of_loops.trajectory.segments[0].reduced, signals, False, report)
+        report.check()
     first = run.trajectory.segments[0]
     base = plan.base(plan.reduced.flat.extended(dae.values), signals)
     span = float(run.time[0]), float(run.time[-1])
@@ -127,56 +135,48 @@ def executable(dae: CompiledDAE) -> Executable:
     unknowns = np.concatenate([_unknowns(right), _unknowns(observe)]).astype(int)
     guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
     start = _start(run, len(plan.states))
-    _check_same_start(plan, first)
     values = plan.reduced.flat.extended(dae.values)
     laws = law_tables(plan, values, signals, _inputs, run.trajectory) if reduced.switched is not None else None
     jumps = jump_tables(plan)
     nothing = np.zeros(0, int)
     read = nothing if laws is None else laws.read.ravel(), nothing if jumps is None else jumps.registers
     events = instants(plan, values, lambda: _longest(dae, plan, base, signals, span), np.concatenate(read))
-    tried = _Tried(dae, plan, signals, zero_inputs, span, start)
+    before = minimal.trajectory.segments[0].observer.plan
+    loops = None if of_loops is None else loop_tables(plan, values, start, inputs, before)
+    if loops is not None and jumps is not None:
+        raise refusal(flat, "its coordinates change along the motion, beside a prescribed motion that may jump")
+    from_parameters, known = _parameter_program(dae, plan)
+    tried = _Tried(dae, plan, signals, zero_inputs, span, _start(minimal, len(before.states)))
     settable, held = tried.settable()
+    closing = closing_parameters(loops, from_parameters, settable + plan.count, len(known))
+    if loops is not None and not loops.free.any():  # with other values they are closed elsewhere
+        held = (*held, *(flat.variable_name(v) for v in settable[closing]))
+        settable, closing = settable[~closing], closing[~closing]
     variables = listed(dae, plan, inputs, exported, settable, events, [] if laws is None else laws.indicator_texts)
+    variables = variables if loops is None else as_given(variables, loops, closing)
     outputs = np.array(sorted({v.register for v in variables if v.causality == "output"}), int)
     rule = Jacobian(
         plan.program + observing, np.concatenate([plan.states, inputs]).astype(int),
         np.concatenate([plan.derivatives, outputs]).astype(int), plan.count,
     )  # fmt: skip
-    parametric, known = _parametric(dae, plan)
     largest = np.abs(np.concatenate([segment.table for segment in run.trajectory.segments])).max(axis=0, initial=0.0)
     nominal = largest[: len(plan.states)]
     return Executable(
-        dae, run, plan, parametric, right, observe, derivatives_tape(plan.program + observing, rule, plan.count),
+        dae, run, plan, values_tape(from_parameters, len(known)), right, observe,
+        derivatives_tape(plan.program + observing, rule, plan.count),
         known, _given(plan), _kept(plan, observing), unknowns,
         guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0),
         inputs, base[inputs], settable, start, np.where(nominal > 0, nominal, 1.0),
         kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, laws,
-        jumps, variables, zero_inputs, held,
+        jumps, loops, closing, variables, zero_inputs, held,
     )  # fmt: skip
 
 
-def refusal(flat: FlatDAE, why: str, hint: str = "") -> ModelError:
-    """Return the error of a scene that cannot be an FMU."""
-    return ModelError([Diagnostic("E0669", f"'{flat.name}' cannot be exported: {why}", hint=hint)])
-
-
 def _refuse(dae: CompiledDAE) -> None:
-    """Refuse coordinates that change, and samples that the start determines."""
-    flat, reduced = dae.flat, dae.reduced
-    why = ""
-    if reduced.in_all_coordinates:
-        why = "its closed loops have no minimal coordinates that serve"
-    elif flat.events is not None and (flat.kind[flat.events.clocks()] == Kind.UNKNOWN).any():
-        why = "the equations of its start determine when it samples"
-    if why:
-        raise refusal(flat, why)
-
-
-def _refuse_run(flat: FlatDAE, run: Run) -> None:
-    segments = run.trajectory.segments
-    for one in segments[1:]:
-        if not np.array_equal(one.observer.plan.reduced.states, segments[0].observer.plan.reduced.states):
-            raise refusal(flat, f"its coordinates change along the motion, at t = {one.begin:.6g} s")
+    """Refuse samples that the start determines."""
+    flat = dae.flat
+    if flat.events is not None and (flat.kind[flat.events.clocks()] == Kind.UNKNOWN).any():
+        raise refusal(flat, "the equations of its start determine when it samples")
 
 
 def _inputs(plan: Plan) -> np.ndarray:
@@ -209,13 +209,6 @@ def _longest(
 
     values = plan.reduced.flat.extended(dae.values)
     return longest_step(DiscreteState(plan.once(EventLayout), values, base, signals, span[0]), span[1] - span[0])
-
-
-def _check_same_start(plan: Plan, first: SegmentRecord) -> None:
-    """The run may have gone over to other coordinates at once: then these states are not those of the plan."""
-    same = np.array_equal(first.observer.plan.reduced.states, plan.reduced.states)
-    if not same or first.reduced.in_all_coordinates:
-        raise refusal(plan.reduced.flat, "its run takes other coordinates than those that were chosen")
 
 
 def _members(flat: FlatDAE, name: str) -> list[int]:
@@ -288,8 +281,8 @@ def _unknowns(tape: Tape) -> np.ndarray:
     return np.concatenate([np.zeros(0, int), *(b.unknowns.ravel() for b in tape.blocks if b.work)])
 
 
-def _parametric(dae: CompiledDAE, plan: Plan) -> tuple[Tape, np.ndarray]:
-    """Return the tape of bindings and derived parameters, and the values with which it begins."""
+def _parameter_program(dae: CompiledDAE, plan: Plan) -> tuple[Program, np.ndarray]:
+    """Return what fills bindings and derived parameters, and the values with which it begins."""
     flat, count = plan.reduced.flat, plan.count
     known = np.full(count + flat.count, np.nan)
     known[count : count + len(dae.values)] = dae.values
@@ -300,8 +293,7 @@ def _parametric(dae: CompiledDAE, plan: Plan) -> tuple[Tape, np.ndarray]:
         # one by one: a row may use what the row before has filled
         steps += [Apply(a.shape, a.slots[i : i + 1] + count, a.target[i : i + 1] + count) for i in free.tolist()]
     taken = Apply(slot(0) * ONE, (plan.known[1] + count)[:, None], plan.known[0])
-    tape = values_tape((*steps, taken, *plan.reduced.parameter_program), count + flat.count)
-    return tape, known
+    return (*steps, taken, *plan.reduced.parameter_program), known
 
 
 # --------------------------------------------------------------------- parameters
@@ -345,7 +337,7 @@ class _Tried:
         name = flat.variable_name(variable)
         changed = value * _ASIDE if value else 2.0**-10
         values = flat.parameter_values({**_overrides(flat), variable: changed})
-        if self.dae.reduced.broken_guard(values) is not None:
+        if any(r.broken_guard(values) is not None for r in (self.dae.reduced, self.plan.reduced)):
             return False
         if not np.array_equal(self._break_times(values), self._breaks):
             return False

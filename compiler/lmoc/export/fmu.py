@@ -36,12 +36,12 @@ _ENGINE = (
     "tape", "blocks", "dense", "newton", "lu", "lu_order", "evaluate", "dop853", "walk", "instant", "relations",
     "trials", "roots", "crossing", "hops", "first_step", "beside", "law_run", "transition", "strike", "switching",
     "mode", "project", "manifold", "impact", "impact_order", "complementarity", "cones", "free_dynamics",
-    "jump",
+    "jump", "landing",
 )  # fmt: skip
 _HEADERS = (
     "lane", "tape", "lu", "dense", "blocks", "engine", "walk", "instant", "roots", "hops", "beside", "law_run",
     "transition", "strike", "switching", "laws", "kinematics", "manifold", "impact", "complementarity", "free_dynamics",
-    "jump",
+    "jump", "landing",
 )  # fmt: skip
 _DATA = "model.c"
 
@@ -152,8 +152,8 @@ def _sources(fmi: int) -> dict[str, str]:
     """Return the C files of an FMU that are the same for all scenes."""
     own, engine = Path(__file__).with_name("c"), Path(__file__).parents[1] / "engine" / "c"
     files = [engine / f"{n}.c" for n in _ENGINE] + [engine / f"{n}.h" for n in _HEADERS]
-    files += [own / f"{n}.c" for n in ("fmu", "discrete", "events", "fmu_laws", "jumps")]
-    files += [own / "fmu.h", own / "discrete.h", own / "fmu_laws.h", own / "fmi.h", own / f"fmi{fmi}.c"]
+    files += [own / f"{n}.c" for n in ("fmu", "discrete", "events", "fmu_laws", "jumps", "fmu_loops")]
+    files += [own / f"{n}.h" for n in ("fmu", "discrete", "fmu_laws", "fmu_loops", "fmi")] + [own / f"fmi{fmi}.c"]
     return {f.name: f.read_text(encoding="utf-8") for f in files}
 
 

@@ -1,43 +1,14 @@
 /* The way back onto closures, and whether they keep their rank from one place to the next (`formulations/landing.py`). */
 
-#include "engine.h"
+#include "landing.h"
 
 #define CORRECTIONS 10
 #define SMALL 1e-9    /* of the size of a coordinate: a correction behind which nothing is left to correct */
 #define SHORT_WAY 1e-2  /* of the size of a coordinate: the longest way back onto the closures */
-#define FIRM 1e-2     /* smallest singular value from which closures are far from depending on each other */
-
-/* Loops of equal shape: matrices (loops, m, n), their columns in the sizes of the coordinates. */
-typedef struct {
-  int64_t loops, m, n, entries;
-  const int32_t *rows, *columns;   /* residuals (loops, m) and states (loops, n) */
-  const int32_t *source, *place;   /* entries of the stage's Jacobian, and where they stand in the matrices */
-  double *sizes;                   /* (loops, m) the lengths that the rows have had */
-  double *kept, *last, *now;       /* the matrices where the last step has ended, at the last look, and here */
-  double *margins;                 /* (3, loops) bounds of their smallest singular values */
-  double *work;                    /* (2m + n) * m + m */
-} loops_of_shape;
-
-typedef struct {
-  int64_t residuals, entries, groups;
-  loops_of_shape *group;
-  double *out;                     /* entries, then residuals … */
-  double *w;                       /* … from the registers, */
-  const lmoc_tape *tape;
-  const int32_t *results;          /* where they stand afterwards */
-} stage_of;
-
-typedef struct {
-  int64_t n, stages;
-  const int32_t *states;
-  const double *scale;             /* (n,) sizes of the states */
-  stage_of *stage;            /* positions, then velocities; or velocities alone */
-  double found[2], largest[2];     /* largest residuals of the stages: at the last landing, and at all steps */
-} closures;
 
 /* The entries and residuals of a stage at a place; 0 where they are numbers. */
-static int closing_at(const closures *c, int64_t k, double time, const double *x) {
-  const stage_of *s = c->stage + k;
+static int closing_at(const lmoc_closures *c, int64_t k, double time, const double *x) {
+  const lmoc_closure_stage *s = c->stage + k;
   for (int64_t i = 0; i < c->n; i++) s->w[c->states[i]] = x[i];
   double check = s->tape->run(time, s->w, s->tape) ? NAN : 0;
   for (int64_t i = 0; i < s->entries + s->residuals; i++) {
@@ -47,7 +18,7 @@ static int closing_at(const closures *c, int64_t k, double time, const double *x
   return check != 0;
 }
 
-static void fill(const closures *c, const loops_of_shape *g, const double *out, double *a) {
+static void fill(const lmoc_closures *c, const lmoc_loops *g, const double *out, double *a) {
   memset(a, 0, g->loops*g->m*g->n * sizeof(double));
   for (int64_t e = 0; e < g->entries; e++) a[g->place[e]] = out[g->source[e]];
   for (int64_t l = 0; l < g->loops; l++)
@@ -110,14 +81,12 @@ static int same_side(int64_t m, int64_t n, const double *a, const double *b, con
   return sign > 0;
 }
 
-/* Follow the matrices of the first stage to another place: from the one kept where `first` is 1, from the last look
-   where it is 0, from nowhere where it is -1. Returns 0 where they keep their rank on the way. */
 int lmoc_look(void *own, double time, const double *x, int first) {
-  closures *c = own;
+  lmoc_closures *c = own;
   if (closing_at(c, 0, time, x)) return 1;
-  const stage_of *s = c->stage;
+  const lmoc_closure_stage *s = c->stage;
   for (int64_t k = 0; k < s->groups; k++) {
-    loops_of_shape *g = s->group + k;
+    lmoc_loops *g = s->group + k;
     const int64_t m = g->m, n = g->n;
     fill(c, g, s->out, g->now);
     const double *from = first == 1 ? g->kept : g->last, *had = g->margins + (first == 1 ? 0 : g->loops);
@@ -134,7 +103,7 @@ int lmoc_look(void *own, double time, const double *x, int first) {
       g->margins[g->loops + l] *= shrunk;
       if (!cholesky(m, n, a, size, work)) return 1;
       const double margin = g->margins[2*g->loops + l] = margin_of(m, work, work + m*m);
-      if (!(margin > FIRM)) return 1;
+      if (!(margin > c->firm)) return 1;
       if (first < 0) continue;
       double change = 0;
       for (int64_t i = 0; i < m; i++)
@@ -147,7 +116,7 @@ int lmoc_look(void *own, double time, const double *x, int first) {
     }
   }
   for (int64_t k = 0; k < s->groups; k++) {
-    loops_of_shape *g = s->group + k;
+    lmoc_loops *g = s->group + k;
     double *t = g->last;
     g->last = g->now;
     g->now = t;
@@ -156,11 +125,10 @@ int lmoc_look(void *own, double time, const double *x, int first) {
   return 0;
 }
 
-/* Take the last look for the end of a step. */
 void lmoc_keep(void *own) {
-  closures *c = own;
+  lmoc_closures *c = own;
   for (int64_t k = 0; k < c->stage->groups; k++) {
-    loops_of_shape *g = c->stage->group + k;
+    lmoc_loops *g = c->stage->group + k;
     memcpy(g->kept, g->last, g->loops*g->m*g->n * sizeof(double));
     memcpy(g->margins, g->margins + g->loops, g->loops * sizeof(double));
   }
@@ -168,10 +136,10 @@ void lmoc_keep(void *own) {
 }
 
 /* One correction of Newton's method; the largest in sizes of the coordinates, no number where there is none. */
-static double correct(const closures *c, const stage_of *s, double *x) {
+static double correct(const lmoc_closures *c, const lmoc_closure_stage *s, double *x) {
   double largest = 0;
   for (int64_t k = 0; k < s->groups; k++) {
-    const loops_of_shape *g = s->group + k;
+    const lmoc_loops *g = s->group + k;
     const int64_t m = g->m, n = g->n;
     fill(c, g, s->out, g->now);
     for (int64_t l = 0; l < g->loops; l++) {
@@ -194,6 +162,7 @@ static double correct(const closures *c, const stage_of *s, double *x) {
       }
       for (int64_t j = 0; j < n; j++) {
         const int32_t state = g->columns[l*n + j];
+        if (c->scale[state] == 0) continue; /* is held */
         double move = 0;
         for (int64_t i = 0; i < m; i++) move += a[i*n + j] / size[i] * y[i];
         move *= c->scale[state];
@@ -205,11 +174,10 @@ static double correct(const closures *c, const stage_of *s, double *x) {
   return largest;
 }
 
-/* Move a state onto the closures, positions before velocities. Returns 0 where that is a short way. */
 int lmoc_land(void *own, double time, double *x) {
-  closures *c = own;
+  lmoc_closures *c = own;
   for (int64_t k = 0; k < c->stages; k++) {
-    const stage_of *s = c->stage + k;
+    const lmoc_closure_stage *s = c->stage + k;
     double length = INFINITY;
     for (int i = 0; length > SMALL; i++) {
       if (i == CORRECTIONS || closing_at(c, k, time, x)) return 1;
@@ -224,7 +192,7 @@ int lmoc_land(void *own, double time, double *x) {
 }
 
 int lmoc_land_many(void *own, int64_t count, const double *times, double *x) {
-  const closures *c = own;
+  const lmoc_closures *c = own;
   for (int64_t i = 0; i < count; i++) if (lmoc_land(own, times[i], x + i*c->n)) return 1;
   return 0;
 }

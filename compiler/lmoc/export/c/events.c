@@ -3,6 +3,7 @@
 
 #include "discrete.h"
 #include "fmu_laws.h"
+#include "fmu_loops.h"
 
 #include <stdio.h>
 
@@ -66,7 +67,7 @@ int fmu_asks(fmu *f, const double *values) {
 }
 
 int fmu_passed(fmu *f) {
-  if (f->now.parted) return 1;
+  if (f->now.parted || f->now.drifted) return 1;
   return fmu_roots(f) && !fmu_indicators(f, f->now.time, f->x, f->root) && fmu_asks(f, f->root);
 }
 
@@ -253,6 +254,7 @@ int fmu_happen(fmu *f) {
   const int64_t laws = f->model->laws.laws.count;
   int found;
   f->now.jumped = 0;
+  if (f->model->loops.stages && (found = fmu_loops_return(f))) return found;
   if ((found = fmu_input_steps(f))) return found;
   if (f->now.ended || !(f->e.discrete || laws)) return FMU_GOOD;
   fmu_settle(f);
@@ -330,6 +332,7 @@ int fmu_begin(fmu *f, int for_good) {
   f->now.settled = 1;
   f->now.jumped = 0;
   f->now.begun |= for_good;
+  if (f->model->loops.stages && (found = fmu_loops_begin(f))) return found;
   if (f->e.discrete && (found = begin_discrete(f, for_good))) return found;
   if (for_good && (found = fmu_input_steps(f))) return found;
   if (laws && (found = fmu_law_begin(f, for_good))) return found;

@@ -2,15 +2,18 @@
 
 #include "discrete.h"
 #include "fmu_laws.h"
+#include "fmu_loops.h"
 
 #include <stdlib.h>
 
 static const double SHORTEST = 8e-16; /* share of the time, up to which DOP853 has no step (`engine/c/walk.c`) */
+static const double FINER = 0.1;  /* as in `numerics/run/segments.py` */
 
 static const fmu_tape *tape_of(const fmu_model *m, int k) {
   const fmu_events *e = &m->events;
   const fmu_tape *all[] = {&m->parametric, &m->right, &m->observe, &m->slopes, &e->look, &e->assign, &e->line, &e->begin,
-                           &m->laws.by_force, &m->laws.by_state, &m->jumps.rates};
+                           &m->laws.by_force, &m->laws.by_state, &m->jumps.rates,
+                           &m->loops.stage[0].tape, &m->loops.stage[1].tape};
   return all[k];
 }
 
@@ -62,6 +65,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(unresolved, m->states);
   fmu_law_ask(f);
   total += lmoc_law_place(&f->laws, at ? at + total : 0);
+  total += fmu_loops_place(f, at ? at + total : 0);
   f->doubles = total;
   TAKE(work, 32*m->states + 4);
   TAKE(noise, 3*i->zeros + m->states);
@@ -82,6 +86,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(step, fmu_jump_room(m));
   TAKE(before_event, i->discrete);
   TAKE(at_event, i->discrete);
+  total += fmu_loops_scratch(f, at ? at + total : 0);
   double *scratch;
   scratch = at ? at + total : 0, total += i->told;
   f->e.found = (int64_t *)scratch;
@@ -154,7 +159,8 @@ fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell te
   f->now.co_simulation = co_simulation;
   for (int k = 0; k < TAPES; k++)
     for (int64_t i = 0; i < tape_of(model, k)->block_count; i++) f->pivot_count += tape_of(model, k)->pivots[i];
-  f->memory = calloc((size_t)place_memory(f) + 1, sizeof(double));
+  const int loops = fmu_loops_new(f);
+  f->memory = loops ? calloc((size_t)place_memory(f) + 1, sizeof(double)) : 0;
   f->pivots = calloc((size_t)f->pivot_count + 1, sizeof(int32_t));
   if (!f->memory || !f->pivots) {
     fmu_free(f);
@@ -183,6 +189,7 @@ void fmu_free(fmu *f) {
       for (int64_t i = 0; i < tape_of(f->model, k)->block_count; i++) lmoc_lu_free(f->blocks[k][i].lu);
       free(f->blocks[k]);
     }
+  fmu_loops_free(f);
   lmoc_roots_free(&f->finder);
   free(f->memory);
   free(f->pivots);
@@ -209,6 +216,7 @@ void fmu_settle(fmu *f) {
     forget(f);
     lmoc_tape_run(NAN, w, f->tape + PARAMETRIC);
     fmu_law_parameters(f);
+    fmu_loops_parameters(f);
     for (int64_t i = 0; i < m->given; i++) f->w[RIGHT][m->given_registers[i]] = w[m->given_registers[i]];
     for (int k = LOOK; k <= BEGIN; k++)
       for (int64_t i = 0; i < e->parameters; i++) f->w[k][e->parameter_registers[i]] = w[e->parameter_registers[i]];
@@ -255,7 +263,7 @@ int fmu_look(fmu *f, double time, const double *x) {
 
 static int evaluate(fmu *f) {
   fmu_settle(f);
-  if (!f->now.begun && !f->now.settled && (f->e.discrete || f->model->laws.laws.count)) {
+  if (!f->now.begun && !f->now.settled && (f->e.discrete || f->model->laws.laws.count || f->model->loops.stages)) {
     const int found = fmu_begin(f, 0);
     f->now.settled = !found;
     if (found) return found;
@@ -301,7 +309,10 @@ int fmu_get(fmu *f, uint32_t reference, double *value) {
       *value = found ? NAN : f->root[place];
       break;
     case FMU_DERIVED: fmu_settle(f); *value = f->w[PARAMETRIC][place]; break;
-    case FMU_STATE: *value = f->x[place]; break;
+    case FMU_STATE:
+      if (m->loops.stages) found = evaluate(f); /* before the start they follow from others */
+      *value = f->x[place];
+      break;
     case FMU_INPUT: *value = f->u[place]; break;
     case FMU_DERIVATIVE:
       found = evaluate(f);
@@ -330,11 +341,15 @@ int fmu_set(fmu *f, uint32_t reference, double value) {
     case FMU_PARAMETER:
       if (!before && !(phase & FMU_EVENT) && !(f->now.co_simulation && phase & FMU_STEPPING))
         return fmu_refused(f, "parameters can be set before initialization and at events");
+      if (!before && m->loops.stages && m->loops.closing[place])
+        return fmu_refused(f, "a parameter that closed loops depend on can be set before and in initialization");
       f->now.stale |= f->p[place] != value;
       f->p[place] = value;
       break;
     case FMU_STATE:
       if (!before) return fmu_refused(f, "the start value of a state can be set before and in initialization");
+      if (m->loops.stages && m->loops.held[place] != 0)
+        return fmu_refused(f, "this state follows from others where its loops are closed, and cannot be set");
       f->x[place] = value;
       break;
     case FMU_INPUT:
@@ -393,19 +408,26 @@ static int stands(fmu *f) {
 }
 
 static int look(void *own, double time, const double *x, int first) {
-  (void)time, (void)x, (void)first;
-  return !stands(own);
+  const fmu *f = own;
+  (void)first;
+  return !stands(own) || (f->model->loops.stages && fmu_loops_look(own, time, x));
 }
 
-static void keep(void *own) { lmoc_mark(&((fmu *)own)->call); }
+static void keep(void *own) {
+  fmu *f = own;
+  lmoc_mark(&f->call);
+  if (f->model->loops.stages) fmu_loops_keep(f);
+}
 
 int fmu_accept(fmu *f) {
   const int found = evaluate(f);
+  int looked;
   if (found) return found;
   if (!stands(f)) {
     f->tell(f->owner, "the mechanism has come to where its coordinates no longer tell where it goes");
     return FMU_WRONG;
   }
+  if (f->model->loops.stages && (looked = fmu_loops_accept(f))) return looked;
   if (fmu_roots(f)) {
     if (fmu_look(f, f->now.time, f->x)) return FMU_NO_VALUE;
     fmu_seen(f);
@@ -422,12 +444,15 @@ double fmu_next_break(const fmu *f) {
 
 double fmu_next(const fmu *f) { return fmin(fmu_next_break(f), f->now.next); }
 
+/* The tolerance of steps; in all coordinates of loops as finely as `simulate` does it behind a change of coordinates. */
+static double tolerance(const fmu *f) { return f->now.rtol * (f->model->loops.stages ? FINER : 1); }
+
 static double first_step(fmu *f, double span, const double *slope, const double *atol, double *x, double *trial) {
   const int64_t n = f->model->states;
-  const double h = lmoc_first_trial(n, span, INFINITY, f->model->rules.least, f->now.rtol, atol, f->x, slope);
+  const double h = lmoc_first_trial(n, span, INFINITY, f->model->rules.least, tolerance(f), atol, f->x, slope);
   for (int64_t i = 0; i < n; i++) x[i] = f->x[i] + h*slope[i];
   lmoc_derivatives(&f->call, f->now.time + h, x, trial);
-  return lmoc_first_step(n, h, span, f->now.rtol, atol, f->x, slope, trial);
+  return lmoc_first_step(n, h, span, tolerance(f), atol, f->x, slope, trial);
 }
 
 /* The states within the last step. */
@@ -446,6 +471,15 @@ static int happens_within(fmu *f, lmoc_steps *s, double *end, int *root) {
   return found;
 }
 
+/* Whether a step that has been found too long to be judged can be made again, and shorter. */
+static int again(fmu *f, lmoc_steps *s, int status) {
+  if (status != LMOC_DOUBTFUL || !f->model->loops.stages) return 0;
+  if (f->call.marked) lmoc_go_back(&f->call);
+  s->step_size = s->length / 4;
+  s->grow = 1;
+  return 1;
+}
+
 /* Integrate over what is smooth, as long as nothing happens; `root`: something does where it has ended. */
 static int smooth(fmu *f, double end, int *root) {
   const fmu_model *m = f->model;
@@ -454,20 +488,22 @@ static int smooth(fmu *f, double end, int *root) {
          *landed = terms + 7*n, *atol = landed + n, *begin = atol + n;
   const int found = fmu_derivatives(f, slope), watched = fmu_roots(f) > 0;
   if (found) return found;
-  for (int64_t i = 0; i < n; i++) atol[i] = f->now.rtol * 1e-3 * m->nominal[i];
+  for (int64_t i = 0; i < n; i++) atol[i] = tolerance(f) * 1e-3 * m->nominal[i];
   if (!(f->now.wish > 0)) f->now.wish = first_step(f, end - f->now.time, slope, atol, x_new, last);
-  const lmoc_step_hook hook = {f, look, lmoc_law_drifts(&f->laws) ? fmu_law_keep : 0, keep, 0};
+  const lmoc_step_hook hook = {f, look, m->loops.stages ? fmu_loops_land : lmoc_law_drifts(&f->laws) ? fmu_law_keep : 0, keep, 0};
   lmoc_steps s = {.call = &f->call, .rules = &m->rules, .weights = m->weights, .nodes = m->nodes, .dense = m->dense,
                   .omitted = m->omitted, .atol = atol, .x = f->x, .f = slope, .x_new = x_new, .k = k, .last = last,
                   .terms = terms, .landed = landed, .t = f->now.time, .before = f->now.time, .step_size = f->now.wish,
-                  .grow = m->rules.grow, .cuts_since = f->now.time, .rtol = f->now.rtol, .end = end,
+                  .grow = m->rules.grow, .cuts_since = f->now.time, .rtol = tolerance(f), .end = end,
                   .max_step = m->events.longest, .patience = INFINITY, .most = watched ? 1 : INT64_MAX, .hook = &hook};
-  int status = 0;
+  int status = 0, shorter, doubted = 0;
   do {
     const double wished = s.step_size;
     memcpy(begin, f->x, n * sizeof(double));
     status = lmoc_dop853_walk(&s);
     const int cut = s.steps == 1 && !s.rejected && s.length < wished; /* at the end: no shorter */
+    shorter = again(f, &s, status);
+    doubted = shorter || (doubted && !s.steps);
     f->now.wish = cut ? wished : s.step_size;
     if (watched && s.steps) {
       double until = s.t;
@@ -478,12 +514,15 @@ static int smooth(fmu *f, double end, int *root) {
       if (*root) {
         memcpy(f->x, f->moved, n * sizeof(double));
         s.t = until;
+        shorter = 0;
+        if (m->loops.stages && fmu_loops_land(f, until, f->x)) return fmu_loops_depend(f);
       }
     }
-  } while (watched && !status && !*root && s.t < end);
+  } while (shorter || (watched && !status && !*root && s.t < end));
   f->now.time = s.t;
   fmu_changed(f);
   if (!status || *root) return FMU_GOOD;
+  if (doubted) return fmu_loops_depend(f);
   if (status == LMOC_DOUBTFUL)
     f->tell(f->owner, "the mechanism has come to where its coordinates no longer tell where it goes");
   else f->tell(f->owner, "no step is short enough: the equations have no solution beyond");

@@ -10,6 +10,7 @@
 #include "free_dynamics.h"
 #include "hops.h"
 #include "jump.h"
+#include "landing.h"
 #include "law_run.h"
 #include "roots.h"
 #include "walk.h"
@@ -48,6 +49,21 @@ typedef struct {
   const char *const *texts, *const *told_texts, *const *held_texts;
   double longest;                         /* s, of a step */
 } fmu_events;
+
+/* Closed loops whose coordinates are all states, as `export/loops.py` describes them; none where `stages` is 0. */
+typedef struct {
+  int64_t residuals, entries, groups;
+  const lmoc_loops *group;                /* their tables; room belongs to an instance */
+  fmu_tape tape;                          /* results: entries, then residuals */
+} fmu_closures;
+
+typedef struct {
+  int64_t stages, given;
+  fmu_closures stage[2];
+  const int32_t *given_registers;         /* that closures read and parameters fill */
+  const double *scale, *held;             /* (states,) sizes; the same, 0 for states that are given at the start */
+  const lmoc_flag *closing;               /* (parameters,) whether closures depend on one */
+} fmu_loops;
 
 /* The laws of a scene, as `export/laws.py` describes them: an entry for each law. Registers are those of `right` where
    nothing else is said. */
@@ -101,6 +117,7 @@ typedef struct {
   fmu_events events;
   fmu_laws laws;
   fmu_jumps jumps;
+  fmu_loops loops;
   double start_time, span, tolerance;     /* s, of the experiment */
 } fmu_model;
 
@@ -116,7 +133,9 @@ enum {
 enum { FMU_GOOD, FMU_NO_VALUE, FMU_WRONG };
 
 /* The tapes of an instance. */
-enum { PARAMETRIC, RIGHT, OBSERVE, SLOPES, LOOK, ASSIGN, LINES, BEGIN, BY_FORCE, BY_STATE, JUMP, TAPES };
+enum {
+  PARAMETRIC, RIGHT, OBSERVE, SLOPES, LOOK, ASSIGN, LINES, BEGIN, BY_FORCE, BY_STATE, JUMP, POSITIONS, VELOCITIES, TAPES
+};
 
 /* What a function of FMI returns; the last only in 2.0. */
 typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING } status;
@@ -126,11 +145,13 @@ typedef void (*fmu_tell)(void *own, const char *text);
 typedef struct {
   double time, begin, wish, rtol, call_time, marked_time;
   double next, last_instant;              /* s: the next time event, the last one */
+  double loop_time;                       /* s, of `loop_x` */
   int64_t solved, marked, first_break;
   int32_t phase, co_simulation, stale, evaluated, observed, judged;
   int32_t settled, begun, ended;          /* discrete values agree; those of the start are past; the model has ended */
   int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found */
   int32_t parted;                         /* parameters have been set that move what laws keep closed */
+  int32_t drifted;                        /* the states have left the closures of loops by more than the tolerance */
 } fmu_scalars;
 
 typedef struct fmu {
@@ -140,6 +161,8 @@ typedef struct fmu {
   lmoc_hops hops;
   lmoc_law_run laws;
   lmoc_free_dynamics scene;
+  lmoc_closures closures;
+  lmoc_closure_stage stage[2];
   const fmu_model *model;
   lmoc_tape tape[TAPES];
   lmoc_block *blocks[TAPES];
@@ -147,6 +170,7 @@ typedef struct fmu {
   double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
   double *known, *restitution, *errors, *unresolved;  /* of the laws */
+  double *loop_x, *loop_moved, *loop_wanted, *loop_p; /* states at the last look at loops; and room */
   double *law_read, *law_before, *law_moved;
   double *step, *before_event, *at_event;       /* values on both sides (`jumps.c`), and discrete ones */
   lmoc_flag *law_which;                         /* (2 n,) */

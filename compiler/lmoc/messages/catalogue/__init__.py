@@ -126,9 +126,9 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "E0669": Entry(
         "a scene that cannot be an FMU",
-        "FMUs are made of masses, springs, gears, mechanisms that keep their coordinates, blocks, inputs, of laws\n"
-        "that switch (stops, ropes, friction, contacts), and of what happens at instants: `when`, relations, samples,\n"
-        "assertions. Friction between springs alone, laws in mechanisms with closed loops, and mechanisms whose\n"
+        "FMUs are made of masses, springs, gears, mechanisms, blocks, inputs, of laws that switch (stops, ropes,\n"
+        "friction, contacts), and of what happens at instants: `when`, relations, samples, assertions. Friction\n"
+        "between springs alone, laws in mechanisms with closed loops, and laws or events in mechanisms whose\n"
         "coordinates change along the motion cannot be exported yet (docs/fmi.md).",
     ),
     "E0663": Entry(

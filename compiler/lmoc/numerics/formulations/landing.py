@@ -19,6 +19,7 @@ from lmoc.lower.tape import Tape
 from lmoc.numerics.formulations.closing import ClosureStage, EqualLoops, closing
 from lmoc.numerics.plan.plan import Plan
 
+_FIRM = 1e-2  # smallest singular value from which closures are far from depending on each other
 _PIECES = 16  # into which the way of a Taylor step may be divided, where its ends alone do not tell enough
 
 
@@ -45,6 +46,7 @@ class _Closures(ctypes.Structure):
         ("states", ctypes.c_void_p),
         ("scale", ctypes.c_void_p),
         ("stage", ctypes.POINTER(_Stage)),
+        ("firm", ctypes.c_double),
         ("found", ctypes.c_double * 2),
         ("largest", ctypes.c_double * 2),
     ]
@@ -82,7 +84,7 @@ class Landing:
         self._kept.append(stages)
         self._closures = _Closures(
             len(plan.states), len(stages), self._at(np.ascontiguousarray(plan.states, np.int32)),
-            self._at(np.ascontiguousarray(scale, float)), stages,
+            self._at(np.ascontiguousarray(scale, float)), stages, _FIRM,
         )  # fmt: skip
         reference = ctypes.cast(ctypes.pointer(self._closures), ctypes.c_void_p)
         self._hook = StepHook(reference, *map(address, ("lmoc_look", "lmoc_land", "lmoc_keep")), _PIECES)
