@@ -29,7 +29,8 @@ What the library leaves to C or to loops over values that change stands in lmo i
 `automaticGlobalSeed` gives is the same in each run, as all that lmoc computes; other seeds give other noise. The
 generator with a state of its own (`impureRandom`) is refused. Units that do not fit within a library are warnings
 (W0303). What a package has written (kinks, open ends, guesses of starts, assertions in functions) is told of its own
-class alone, not of a model that uses it.
+class alone, not of a model that uses it, and of a class that is only named (`lmoc run Package.Class`) where its file
+lies below the current folder.
 
 `python -m benchmarks.msl FOLDER REFERENCES PACKAGE` runs all examples of a package, and holds them against the
 published results.

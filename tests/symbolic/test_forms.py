@@ -278,3 +278,13 @@ def test_a_rest_that_depends_on_an_input_says_how_to_give_it(scene):
         dae.linearize(at=dae.equilibria()[0])
     assert "equilibria(inputs={'f': 0})" in error.value.diagnostics[0].hint
     assert dae.linearize(at=dae.equilibria(inputs={"f": 4})[0]).eigenvalues == pytest.approx([2j, -2j])
+
+
+def test_implicit_blocks_that_are_alike_are_solved_side_by_side():
+    """The residuals of all of them are one program; with an unknown of the other one missing it was thrown."""
+    part = """model A parameter Real k = 2; Real x(start = 1, fixed = true), a, b, c; equation der(x) = a;
+      a + k*b + c = -x; a*k - b + c = 2*x; c = a*b/k - b^3 + a; end A; """
+    dae = lmoc.compile_text(part + "model M A a[2](k = {2, 3}); end M;", model="M")
+    assert any(len(getattr(step, "unknowns", ())) == 2 for step in dae.reduced.rhs)
+    with pytest.raises(ModelError, match="a.1..a, a.1..b have no solution in closed form"):
+        dae.symbolic_ode()

@@ -12,6 +12,7 @@ import pytest
 import lmoc
 from lmoc.cli.main import main
 from lmoc.messages.diagnostics import ModelError
+from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.picture import Circle, Item, Label, Move, Picture
 from lmoc.view.scene.text import plain, runs, width
 
@@ -75,6 +76,19 @@ def test_an_icon_is_drawn_between_the_ports_and_replaces_a_symbol():
     triangle = next(s for s in of(found, "own").shapes if getattr(s, "closed", False))
     (_, x0, y0), (_, x1, y1), (_, x2, y2) = triangle.vertices[:3]
     assert (y0, x2) == (y1, 0) and x1 == -x0 and y2 == -y0 < 0
+
+
+def test_the_texts_of_an_icon_say_values():
+    """``%par`` is a parameter's value with its unit (18.6.5.5); what is no parameter stays a name, ``%%`` is a sign."""
+    law = """model Own extends Spring(k = 1500);
+      parameter Boolean on = true; parameter Integer n[2] = {1, 2};
+      annotation(Icon(graphics = {Text(extent = {{-80, 60}, {80, 90}}, textString = "k=%k, %{on}, %n 5%% %class"),
+        Text(extent = {{-80, 30}, {80, 60}}, textString = "of %name")}));
+      end Own;"""
+    model = lmoc.compile_text(law + CHAIN, model="Scene")
+    assert {"k=1500 N/m, true, n 5% Own", "of own"} <= set(texts(model.draw().picture))
+    kept = texts(picture_of(model.flat, model.flat.parameter_values(), numbers=False))  # of a page: sliders
+    assert "of own" in kept and not [text for text in kept if "1500" in text]
 
 
 def test_an_icon_keeps_its_colours_in_every_kind_of_picture(tmp_path):

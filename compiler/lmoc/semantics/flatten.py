@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
+from pathlib import Path
 
 import numpy as np
 
@@ -96,8 +97,9 @@ def flatten(
     root = root_instance(cls, overrides.modifier())
     elaboration = Elaboration(root, report, overrides.elements, LongSums(drafts))
     named = tuple(file.span.source for file in files)
+    own = (*named, *_if_near(cls.definition.span.source))
     try:
-        flat = _Flattening(elaboration, overrides, drafts, named).run()
+        flat = _Flattening(elaboration, overrides, drafts, named, own).run()
     except Wrong as wrong:  # nothing of the model can be made: it extends itself, for instance
         wrong.put_into(report)
     except RecursionError:
@@ -105,9 +107,13 @@ def flatten(
         message = f"what '{cls.full_name}' is made of is nested too deeply"
         report.error("E0227", message, cls.definition.name_span, hint=hint)
     report.check()
-    own = (*named, cls.definition.span.source)
     notes = (d for d in flat.notes if d.subject is not Subject.WRITING or _is_in(d.span, own))
     return replace(flat, notes=(*notes, *left_out(files, report)))
+
+
+def _if_near(source: Source) -> tuple[Source, ...]:
+    """Return the text of a class that is only named, where it lies below the current folder; elsewhere, a library's."""
+    return (source,) if Path(source.name).absolute().is_relative_to(Path.cwd()) else ()
 
 
 def _is_in(span: Span | None, sources: Sequence[Source]) -> bool:
@@ -117,9 +123,17 @@ def _is_in(span: Span | None, sources: Sequence[Source]) -> bool:
 class _Flattening:
     """The steps from the instance tree to the flat model."""
 
-    def __init__(self, model: Elaboration, overrides: Overrides, drafts: Drafts, own: tuple[Source, ...]):
+    def __init__(
+        self,
+        model: Elaboration,
+        overrides: Overrides,
+        drafts: Drafts,
+        named: tuple[Source, ...],
+        own: tuple[Source, ...],
+    ):
         self.model = model
-        self.own = own  # the texts that the user has named
+        self.named = named  # the texts that the user has named
+        self.own = own  # those, and that of a class named that is the user's to change
         self.report = model.report
         self.overrides = overrides
         self.drafts = drafts
@@ -132,7 +146,7 @@ class _Flattening:
         layout = self.layout.extended(model.long_sums.variables).extended(self.drafts.helpers.variables)
         literals = pool_literals(all_columns(self.drafts), layout.count)
         count = layout.count + (literals.size if literals else 0)
-        assembler = Assembler(literals, (*self.own, root.cls.definition.span.source))
+        assembler = Assembler(literals, self.own)
         sliders = sliders_of(model, layout.variables, layout.instances)
         blocks = make_blocks(layout, sliders) + ([literals] if literals else [])
         kinds = np.repeat(np.array([b.kind for b in blocks], np.uint8), [b.size for b in blocks])
@@ -211,7 +225,7 @@ class _Flattening:
             wrong.put_into(self.report)
         settle_explicit(self.drafts)
         report_unknown_units(self.layout.variables, self.report)
-        check_units(self.drafts, self.report, self.own)
+        check_units(self.drafts, self.report, self.named)
         for drafts in (self.drafts.groups, self.drafts.initial, self.drafts.bindings, self.drafts.starts):
             drafts[:] = map(without_ones, drafts)
         self.connections = collect(self.drafts.connects, self.layout.count, self.report, self._break_loops())

@@ -301,17 +301,26 @@ class SymbolicInterpreter:
                     part = slice(step.start[i], step.start[i + 1])
                     terms = zip(step.index[part].tolist(), step.coefficient[part].tolist(), strict=True)
                     self.w[out] = sum((_times(c, self.w[r]) for r, c in terms), start=_zero())
-        else:
-            for unknowns, residuals in zip(step.unknowns.tolist(), step.residuals.tolist(), strict=True):
-                if again or any(r not in self.w for r in unknowns):
-                    self._solve(step, unknowns, residuals)
+        elif again or any(r not in self.w for r in np.ravel(step.unknowns).tolist()):
+            self._solve(step)
 
-    def _solve(self, step: Solve, unknowns: list[int], residuals: list[int]) -> None:
+    def _solve(self, step: Solve) -> None:
+        """Solve blocks that are alike; `inner` computes the residuals of all of them."""
         import sympy as sp
 
-        place = [sp.Dummy(f"x{i}") for i in range(len(unknowns))]
-        self.w.update(zip(unknowns, place, strict=True))
+        blocks = step.unknowns.tolist()
+        places = [[sp.Dummy(f"x{i}") for i in range(len(unknowns))] for unknowns in blocks]
+        for unknowns, place in zip(blocks, places, strict=True):
+            self.w.update(zip(unknowns, place, strict=True))
         self.run(step.inner)
+        solved = [self._solved(*block) for block in zip(blocks, places, step.residuals.tolist(), strict=True)]
+        for unknowns, values in zip(blocks, solved, strict=True):
+            self.w.update(zip(unknowns, values, strict=True))
+        self.run(step.inner)
+
+    def _solved(self, unknowns: list[int], place: list[sympy.Dummy], residuals: list[int]) -> list[sympy.Expr]:
+        import sympy as sp
+
         left, right = [], []
         for register in residuals:
             residual = self.w[register]
@@ -323,9 +332,7 @@ class SymbolicInterpreter:
         found = eliminate(left, most=self.most)
         if found.conditions or len(found.solution) < len(unknowns):
             raise self._no_closed_form(unknowns)
-        for i, register in enumerate(unknowns):
-            self.w[register] = sp.Add(*(c * right[j] for j, c in found.solution[i].items()))
-        self.run(step.inner)
+        return [sp.Add(*(c * right[j] for j, c in found.solution[i].items())) for i in range(len(unknowns))]
 
     def _no_closed_form(self, unknowns: list[int]) -> ModelError:
         names = ", ".join(self.reduced.register_name(r) for r in unknowns[:4])

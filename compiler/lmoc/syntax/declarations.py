@@ -60,12 +60,18 @@ class Actions(PrefixActions):
         self._refuse(prefixes, OF_COMPONENTS, f"a {kind.text}")
         if kind.text != "connector":
             self._refuse(prefixes, {"expandable"}, f"a {kind.text}")
+        if kind.text != "function":
+            self._refuse(prefixes, {"pure"}, f"a {kind.text}")
         return self._class(prefixes, kind.text, body, _first(v[3:], Constraint), start, end)
 
     def _class(
         self, prefixes: dict, kind: str, body: dict, constraint: Constraint | None, start: int, end: int
     ) -> tree.Class:
         name = body["name"]
+        if "outer" in prefixes:
+            word = prefixes["outer"]
+            self.report.error("E0116", f"a {kind} that is 'outer' is not part of lmo", self.span(word.start, word.end),
+                              hint="make it 'replaceable' and redeclare it where it is used")  # fmt: skip
         if constraint:  # a comment after `constrainedby` describes the class
             body["description"] = body.get("description") or constraint.comment.description
             body["annotation"] = body.get("annotation") or constraint.comment.annotation
@@ -86,6 +92,7 @@ class Actions(PrefixActions):
             kind=kind,
             partial="partial" in prefixes,
             encapsulated="encapsulated" in prefixes,
+            pure="pure" in prefixes,
             expandable="expandable" in prefixes,
             final="final" in prefixes,
             inner="inner" in prefixes,

@@ -7,16 +7,15 @@ from lmoc.syntax.expressions import Word
 
 # Prefixes in the order in which they stand.
 _ORDER = (
-    "redeclare each final inner outer replaceable encapsulated partial "
+    "redeclare each final inner outer replaceable encapsulated partial pure "
     "expandable flow stream discrete parameter constant input output"
 ).split()
 EXCLUSIVE = ({"parameter", "constant", "discrete"}, {"input", "output"}, {"flow", "stream"})
-OF_CLASSES = {"encapsulated", "partial", "expandable"}
+OF_CLASSES = {"encapsulated", "partial", "expandable", "pure"}  # "pure" says what every function of lmo is
 OF_COMPONENTS = {"flow", "stream", "discrete", "parameter", "constant", "input", "output"}
 _UNSUPPORTED = {
     "stream": "'stream' variables describe flowing media, lmo has none",
     "operator": "operator records and functions are not part of lmo",
-    "pure": "every function of lmo is pure: leave the word out",
     "impure": "a function of lmo has no effects besides its results",
 }
 

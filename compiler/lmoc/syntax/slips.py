@@ -300,6 +300,9 @@ def _keyword_as_name(trouble: Trouble) -> Iterator[Slip]:
     word = trouble.found
     if not is_word(word):
         return
+    if word == "break" and any(node.symbol == "extends" for node in trouble.stack()):
+        said = "an 'extends' that leaves elements out ('break') is not part of lmo"
+        yield Slip(Edit(trouble.at, 1, ("IDENT",), word), lambda: Diagnostic("E0116", said, trouble.span()))
     yield Slip(
         Edit(trouble.at, 1, ("IDENT",), word),
         lambda: Diagnostic(

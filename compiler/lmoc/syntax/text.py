@@ -189,8 +189,8 @@ def external(e: tree.External) -> str:
 
 def prefixes(element: tree.Component | tree.Class) -> str:
     """The words before a declaration, with the space after them."""
-    words = ["redeclare", "final", "inner", "outer", "replaceable", "encapsulated", "partial", "expandable", "flow"]
-    found = [word for word in words if getattr(element, word, False)]
+    words = "redeclare final inner outer replaceable encapsulated partial pure expandable flow"
+    found = [word for word in words.split() if getattr(element, word, False)]
     found += [word for word in (getattr(element, "variability", ""), getattr(element, "causality", "")) if word]
     return "".join(f"{word} " for word in found)
 

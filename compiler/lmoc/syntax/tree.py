@@ -432,6 +432,7 @@ class Class(Node):
     mistakes: tuple[Diagnostic, ...] = ()  # of the grammar, in its text and in no class inside of it
     sections: tuple[int, ...] = ()  # where, among the statements, further algorithm sections begin
     initial_sections: tuple[int, ...] = ()
+    pure: bool = False  # a function that is said to be; all are
     expandable: bool = False  # a connector that gets elements from what is connected to it
 
     def algorithms(self, initial: bool) -> list[tuple[Statement, ...]]:

@@ -200,7 +200,7 @@ class Assembler:
 
     def _is_of_package(self, draft: AssignmentDraft) -> bool:
         """Return whether a value is written in the text of a package that the model only uses."""
-        own = bool(self.own) and draft.span is not None and any(draft.span.source is source for source in self.own)
+        own = draft.span is not None and any(draft.span.source is source for source in self.own)
         return not draft.library and not own
 
     def starts(self, drafts: Sequence[AssignmentDraft]) -> list[Assignments]:

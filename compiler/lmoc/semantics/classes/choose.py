@@ -95,7 +95,8 @@ def choose_model(root: Scope, files: Sequence[tree.File], name: str | None) -> S
     free = [scope for scope in models if id(scope) not in used]
     top = {id(definition) for file in files for definition in file.classes}
     at_top = [scope for scope in models if id(scope.definition) in top and scope.kind == "model"]
-    for meant in (free, at_top):
+    of_no_model = [scope for scope in free if scope.parent.definition is None or scope.parent.kind == "package"]
+    for meant in (free, at_top, of_no_model):
         if len(meant) == 1:
             return meant[0]
     if not free:

@@ -7,9 +7,10 @@ the bases say.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from lmoc.ir.look import PLAIN, SYMBOLS, Drawn, Look
-from lmoc.messages.diagnostics import Report, nearest
+from lmoc.messages.diagnostics import Report, Subject, nearest
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.classes.vendor import entry_of, vendor_entry
 from lmoc.semantics.mistakes.wrong import Wrong
@@ -53,6 +54,8 @@ class Looks:
             name = symbol.value if isinstance(symbol, tree.String) else symbol.span.text.strip()
             raise Wrong("W0247", f"there is no symbol '{name}'", symbol.span, hint=nearest(name, SYMBOLS))
         except Wrong as wrong:
+            if wrong.diagnostic is not None:  # who uses a package cannot mend its pictures
+                wrong.diagnostic = replace(wrong.diagnostic, subject=Subject.WRITING)
             wrong.put_into(self._report)
             return None
 
@@ -87,7 +90,7 @@ def _drawn(item: tree.Expression, scaled) -> Drawn:
         known = ("Line", "Polygon", "Rectangle", "Ellipse", "Text")
         hint = nearest(kind, known) or f"there are {', '.join(known)}"
         raise Wrong("W0247", f"an icon cannot hold '{kind}'", item.span, hint=hint)
-    given = dict(item.named)
+    given = {name: _static(value) for name, value in item.named}
     wanted = "points" if kind in ("Line", "Polygon") else "extent"
     if wanted not in given:
         raise Wrong("W0247", f"'{kind}' needs '{wanted}'", item.span)
@@ -103,6 +106,12 @@ def _drawn(item: tree.Expression, scaled) -> Drawn:
     words = text.value if isinstance(text, tree.String) else ""
     colours = _line(kind, given), _colour(given, "fillColor")
     return Drawn(kind.lower(), scaled(points), words, filled, *colours, _dashed(given))
+
+
+def _static(value: tree.Expression) -> tree.Expression:
+    """``DynamicSelect(x, y)`` is x in a picture (18.6.6)."""
+    selects = isinstance(value, tree.Call) and str(value.function) == "DynamicSelect" and value.arguments
+    return value.arguments[0] if selects else value
 
 
 def _line(kind: str, given: dict[str, tree.Expression]) -> str:

@@ -100,7 +100,8 @@ class Member:
     def value(self) -> tuple[tree.Expression | None, Place]:
         """The value that the class gives to it, and where that is written: the outermost modification wins."""
         for argument, scope in self.outer:
-            modification = argument.modification if isinstance(argument, tree.ElementModification) else None
+            given = argument if isinstance(argument, tree.ElementModification) else argument.element
+            modification = given.modification if not isinstance(given, tree.Class) else None
             if modification is not None and modification.value is not None:
                 return modification.value, scope
         for modification, scope in ((self.component.modification, self.scope), *self.under):

@@ -34,7 +34,7 @@ def check_subtype(new: Resolved, old: Resolved, place: Span) -> None:
     text, at = reason
     labels = (Label(at, "needed here"),) if at is not None and at.source is not None else ()
     raise Wrong("E0243", f"'{new.name}' cannot replace '{old.name}': {text}", place, labels=labels,
-                hint=f"a redeclaration needs all elements of '{old.name}'")  # fmt: skip
+                hint=f"what stands in its place needs all elements of '{old.name}'")  # fmt: skip
 
 
 def _difference(new: Resolved, old: Resolved, compared: set[tuple[int, int]]) -> tuple[str, Span | None] | None:

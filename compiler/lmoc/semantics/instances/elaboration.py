@@ -223,6 +223,8 @@ class Elaboration:
         while around is not None:
             found = around.cls.table.get(component.name)
             if isinstance(found, Member) and found.component.inner:
+                wanted = instance.cls.table[component.name].scope.type_of(component)
+                check_subtype(found.scope.type_of(found.component), wanted, component.type.span)
                 return self.child(around, component.name)
             around = around.parent
         default = self._default_inner(instance, component)

@@ -167,8 +167,8 @@ def _relation(context: Context, e: tree.Binary, left: Value, right: Value) -> Va
     if left.dims or right.dims:
         raise Wrong("E0301", f"'{e.op}' compares single values, not arrays", e.span)
     if left.type == right.type == "String":
-        same = left.text == right.text
-        return number(same if e.op == "==" else not same, "Boolean")
+        order = (left.text > right.text) - (left.text < right.text)
+        return Value(dag.function(RELATION[e.op], dag.const(order), dag.const(0)), (), "Boolean")
     if "String" in (left.type, right.type):
         raise Wrong("E0301", f"'{e.op}' cannot compare {left.type} and {right.type}", e.span)
     numbers = {"Real", "Integer"}

@@ -281,7 +281,7 @@ def drawn(run: Result, missing: list[str]) -> Picture | None:
         return lambda name: float(run[name][0])
 
     try:
-        picture = picture_of(run.flat, run.trajectory.observer.values, at_start)
+        picture = picture_of(run.flat, run.trajectory.observer.values, at_start, numbers=False)
     except ModelError as error:
         missing.append(f"The scene cannot be drawn: {error.diagnostics[0].message}.")
         return None

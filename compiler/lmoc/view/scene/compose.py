@@ -29,7 +29,11 @@ ROOM = 24.0  # px that a node may go
 
 
 def picture_of(
-    flat: FlatDAE, values: np.ndarray, start: Callable[[], Values] | None = None, dimensions: bool = False
+    flat: FlatDAE,
+    values: np.ndarray,
+    start: Callable[[], Values] | None = None,
+    dimensions: bool = False,
+    numbers: bool = True,
 ) -> Picture:
     """Return the picture of a scene.
 
@@ -38,12 +42,13 @@ def picture_of(
     values : (flat.count,) of the parameters
     start : returns what gives the value of a variable at the start of a run; called for mechanisms of the plane only
     dimensions : with the lengths of bars, rods, links and lever arms
+    numbers : with parameters' values where the icons of parts ask for them; a page, which changes them, has them beside
     """
     found = shown(flat, values)
     if found.graph is None:
         names = Names(Graph(flat, values, ()))
         return finished(summary(flat, found.parts, names), flat.description or flat.name, found.notes)
-    graph = found.graph
+    graph = found.graph.worded(numbers)
     names = Names(graph)
     if not graph.elements:
         return without_parts(flat)

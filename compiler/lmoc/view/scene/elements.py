@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
-from math import prod
+from dataclasses import replace
+from math import isfinite, prod
 
 import numpy as np
 
 from lmoc.ir.flat import Block, FlatDAE, Kind, Part
-from lmoc.ir.look import Look
+from lmoc.ir.look import Drawn, Look
 from lmoc.support.quoted import last
 from lmoc.support.records import dataclass
+from lmoc.symbolic.styles import unit_text
 
 # the units of a port's potentials → what kind of port it is
+_MACRO = re.compile(r"%(?:([%]|[A-Za-z_]\w*(?:\.\w+)*)|\{([^}]*)\})")  # of a text in an icon
 DOMAINS = {("m",): "line", ("rad",): "shaft", ("m", "m"): "point", ("m", "m", "rad"): "frame"}
 
 
@@ -88,6 +92,41 @@ class Graph:
         """Return the index of a variable of an element."""
         found = self.flat.find(f"{element.name}.{name}")
         return None if found is None or not len(found) else int(found[0])
+
+    def worded(self, numbers: bool) -> Graph:
+        """Return the graph with the texts of drawings written out (Modelica specification, 18.6.5.5), but for names.
+
+        Parameters
+        ----------
+        numbers : write parameters' values; otherwise, where they can be changed, leave such texts out
+        """
+        elements = []
+        for e in self.elements:
+            drawn = [d if "%" not in d.text else self._worded(e, d, numbers) for d in e.look.drawing]
+            elements.append(replace(e, look=replace(e.look, drawing=tuple(d for d in drawn if d is not None))))
+        return replace(self, elements=tuple(elements))
+
+    def _worded(self, element: Element, drawn: Drawn, numbers: bool) -> Drawn | None:
+        def word(match: re.Match[str]) -> str:
+            name = match[1] or match[2]
+            if name in ("%", "name", "class"):
+                return {"%": "%", "name": "%name", "class": element.kind}[name]
+            return self._written(f"{element.name}.{name}") or name
+
+        asked = {match[1] or match[2] for match in _MACRO.finditer(drawn.text)}
+        return replace(drawn, text=_MACRO.sub(word, drawn.text)) if numbers or asked <= {"%", "name", "class"} else None
+
+    def _written(self, name: str) -> str:
+        """Return the value of a parameter and its unit; nothing for what is no parameter, or an array."""
+        found = self.flat.find(name)
+        block = self.flat.block_at(int(found[0])) if found is not None and len(found) == 1 else None
+        if block is None or block.kind > Kind.PARAMETER:
+            return ""
+        value = float(self.values[found[0]])
+        if block.quantity == "Boolean":
+            return "true" if value else "false"
+        unit = unit_text(block.unit) if block.unit not in ("", "1") else ""
+        return f"{value:.6g} {unit}".rstrip() if block.quantity in ("Real", "Integer") and isfinite(value) else ""
 
     def name(self, port: Port, axis: int = 0) -> str:
         """Return the dotted name of a potential of a port."""
