@@ -73,3 +73,16 @@ def test_a_force_over_the_position_stands_in_the_equation_by_its_name(count):
         m, a, f = sp.symbols(f"mass[{k}].m der(der(mass[{k}].q)) push[{k}].f")
         assert sp.expand(one.residual - (m * a - f)) == 0 or sp.expand(one.residual + (m * a - f)) == 0
     assert found.curves == {f"push[{k}].f": (f"push[{k}].flange.q", "") for k in range(1, count + 1)}
+
+
+def test_a_curve_that_moves_along_is_no_curve_over_the_position():
+    """Of h(q - time), the rates are h'·(q̇ - 1): the chain rule over q alone would leave the time out."""
+    pieces = "".join(f"if x < {k / 10} then {k}*x^3 else " for k in range(1, 10))
+    found = lmoc.compile_text(
+        f"model S function g input Real x; output Real y; algorithm y := noEvent({pieces}9*x^3); end g;"
+        "Real q(start = 0.05, fixed = true), v(start = 0.3, fixed = true), y, h; equation der(q) = v; h = g(q - time);"
+        "y = q + h; 2*der(v) + 3*der(der(y)) = -5*q; end S;"
+    ).equations()
+    assert not found.curves
+    (equation,) = found.equations
+    assert sp.Symbol("time") in equation.residual.free_symbols

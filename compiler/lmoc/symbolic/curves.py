@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.expression.dag import postorder, slots
+from lmoc.expression.dag import TIME, postorder, slots
 from lmoc.expression.to_sympy import lower_with
 from lmoc.ir.flat import FlatDAE, Group, Kind
 from lmoc.ir.prepared import Prepared
@@ -64,8 +64,8 @@ def with_named_curves(prepared: Prepared, reduce: Reduce) -> Prepared:
 def _curves(flat: FlatDAE, group: Group) -> Iterator[tuple[int, int]]:
     """Yield (variable, what it is a curve over) of the rows of a group ``v = f(x)``."""
     moving = {s.value for s in slots(group.right) if flat.kind[group.slots[0, s.value[0]]] >= Kind.INPUT}
-    if group.left.op != "slot" or group.left.value[1] != 0 or len(moving) != 1:
-        return
+    if group.left.op != "slot" or group.left.value[1] != 0 or len(moving) != 1 or TIME in postorder(group.right):
+        return  # what moves by itself, too, has other rates
     ((argument, order),) = moving
     column = group.left.value[0]
     if order == 0 and flat.kind[group.slots[0, column]] == Kind.UNKNOWN:

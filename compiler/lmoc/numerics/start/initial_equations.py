@@ -8,9 +8,10 @@ from itertools import accumulate
 
 import numpy as np
 
+from lmoc.expression.dag import postorder
 from lmoc.expression.dag import slots as slots_of
 from lmoc.ir.flat import Group, Kind
-from lmoc.ir.program import Apply, Program, needed_steps, read
+from lmoc.ir.program import Apply, Program, needed_steps, read, written
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal, gives
@@ -52,8 +53,11 @@ class InitialEquations:
         self._groups = [g for g, _ in tables]
         self._first = [0, *accumulate(g.rows for g in self._groups)]
         self.program: Program = (*plan.full_program, *tangent.program, *steps)
+        given = any(node.op == "given" for g in plan.reduced.flat.groups for node in postorder(g.residual))
         for (g, _), step in zip(tables, steps, strict=True):
             self._check_signals(g, step, report)
+            if given:
+                self._check_given(g, step, tangent, report)
 
     def fill(self, w: np.ndarray, values: np.ndarray, time: float) -> None:
         """Put in what the program reads and does not compute.
@@ -135,4 +139,12 @@ class InitialEquations:
         if any(np.isin(read(s), unknown).any() for s in needed_steps(self.program, step.out, self.count)):
             message = "an initial equation needs a derivative of an input that its signal does not give"
             hint = "a formula in time has all derivatives, a table two, a callable those of its method derivative(n)"
+            report.error("E0536", message, group.span, found=self.plan.reduced.flat.row_text(group, 0), hint=hint)
+
+    def _check_given(self, group: Group, step: Apply, tangent: Tangent, report: Report) -> None:
+        """No rate is made by the chain rule where functions give rates of their own: the program is without these."""
+        made = np.concatenate([[self._zero], *(written(s) for s in tangent.program)])
+        if any(np.isin(read(s), made).any() for s in needed_steps(self.program, step.out, self.count)):
+            message = "an initial equation needs a derivative, where a function with `noDerivative` gives its own"
+            hint = "give it a name in an equation, as v = der(x), and write that"
             report.error("E0536", message, group.span, found=self.plan.reduced.flat.row_text(group, 0), hint=hint)

@@ -32,12 +32,14 @@ def with_rates(
     call: Caller,
 ) -> list[Value]:
     """Return the results of a call, each with the rate that the function's annotation gives it, where it does so."""
-    for argument, order, held in _annotations(of):
-        real = [name for name, v in declared.items() if v.role == "input" and v.type == "Real" and v.record is None]
-        free = [name for name in real if name not in held]
+    real = [name for name, v in declared.items() if v.role == "input" and v.type == "Real" and v.record is None]
+    for argument, order, held, constant in _annotations(of):
+        free = [name for name in real if name not in held | constant]
         still = not any(changes(context, inputs[name]) for name in real if name in held)
-        if len(free) == len(real) or (still and any(_moved(context, inputs[name]) for name in free)):
+        if held.isdisjoint(real) or (still and any(_moved(context, inputs[name]) for name in free)):
             continue
+        if any(changes(context, inputs[name]) for name in constant & inputs.keys()):
+            continue  # the derivative holds for other calls
         newest = free[len(free) - len(free) // order :]  # of a first derivative, its inputs' rates alone
         rates = [_rate(context, of, name, inputs[name], argument) for name in newest]
         found = call(of.find_class(argument.modification.value), [*inputs.values(), *rates])
@@ -45,17 +47,19 @@ def with_rates(
     return outputs
 
 
-def _annotations(of: Scope) -> Iterator[tuple[tree.ElementModification, int, set[str]]]:
-    """Yield each ``derivative(noDerivative = u, order = n) = f`` of a function, its order and those arguments."""
+def _annotations(of: Scope) -> Iterator[tuple[tree.ElementModification, int, set[str], set[str]]]:
+    """Yield each ``derivative(noDerivative = u, zeroDerivative = k, order = n) = f``, its order, those u, those k."""
     annotation = of.definition.annotation
     for argument in annotation.arguments if annotation else ():
         if not isinstance(argument, tree.ElementModification) or argument.name != ("derivative",):
             continue
         entries = argument.modification.arguments if argument.modification else ()
         said = [(e.name[0], e.modification.value) for e in entries if e.modification]
-        held = {str(value) for name, value in said if name == "noDerivative"}
+        held, constant = (
+            {str(value) for name, value in said if name == kind} for kind in ("noDerivative", "zeroDerivative")
+        )
         if held and isinstance(argument.modification.value, tree.Ref):
-            yield argument, next((int(v.value) for name, v in said if name == "order"), 1), held
+            yield argument, next((int(v.value) for name, v in said if name == "order"), 1), held, constant
 
 
 def _moved(context: Context, value: Value) -> bool:

@@ -79,13 +79,14 @@ class Candidate:
             fixed = None
         given = (values, *(fixed or ()), at_rest)
         key = tuple(b"" if a is None else a.tobytes() for a in given)
-        if key not in self.kept:
+        found = self.kept.get(key)
+        if found is None:
             system = self.system if values is None else self.with_values(values)
             found = start_point(system, self.c, len(self.sample.value) - 1, fixed, at_rest)
-            if len(self.kept) == _KEPT:
-                del self.kept[next(iter(self.kept))]
+            for oldest in list(self.kept)[: 1 - _KEPT]:
+                self.kept.pop(oldest, None)  # another thread may have been faster
             self.kept[key] = found
-        return self.kept[key]
+        return found
 
     def with_values(self, values: np.ndarray) -> EquationSystem:
         """Return the equations with other parameter values."""
