@@ -78,6 +78,20 @@ def test_parameters_and_starts_close_the_loop_elsewhere(pendulum) -> None:
     assert differs(run, found, ("x", "y", "vx", "vy")) < 1e-6
 
 
+def test_continuous_states_in_initialization_are_those_of_what_has_been_set(pendulum) -> None:
+    """As `getFloat64` gives them, whichever is asked first."""
+    import ctypes
+
+    fmu, references = instance(pendulum[1][3].path, "ModelExchange")
+    fmu.enterInitializationMode(startTime=0.0)
+    fmu.setFloat64([references["L"], references["x"]], [1.7, 0.8])
+    x = (ctypes.c_double * 4)()
+    fmu.getContinuousStates(x, 4)
+    assert np.hypot(x[0], x[2]) == pytest.approx(1.7, rel=1e-12) and x[0] == 0.8
+    assert list(x) == fmu.getFloat64([references[n] for n in ("x", "vx", "y", "vy")])
+    fmu.freeInstance()
+
+
 def test_what_follows_cannot_be_set_and_no_rod_grows_on_the_way(pendulum) -> None:
     from fmpy.fmi1 import FMICallException
 

@@ -12,12 +12,12 @@ from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.messages.source import Span
 from lmoc.structure.blocks.block_equations import SquareSystem
 from lmoc.structure.coordinates.coordinates import Choice
-from lmoc.structure.coordinates.jumps import deciding
+from lmoc.structure.coordinates.jumps import bends, deciding
 from lmoc.structure.coordinates.tied import Tied
 from lmoc.structure.index.dulmage_mendelsohn import components, decompose
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.matching import maximum_matching
-from lmoc.structure.index.system import EquationSystem
+from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.messages.equations import HELD, SHOWN, Equations, listed
 from lmoc.structure.registers.layout import RegisterLayout
 from lmoc.support.distinct import distinct
@@ -314,25 +314,32 @@ def immobile(system: EquationSystem, columns: np.ndarray, rows: np.ndarray) -> t
 
 
 def differentiated_jumps(system: EquationSystem, c: np.ndarray) -> tuple[Diagnostic, ...]:
-    """Return notes on expressions that are differentiated although they may jump without an event (N0418).
+    """Return notes on expressions that are differentiated although they may jump, or bend, without an event (N0418).
 
     Parameters
     ----------
     c : (rows,) how often each equation is differentiated
     """
-    rows = [
-        int(b.row[k])
-        for b in system.batches
-        if next(deciding(b.shape, b.kinds), None) is not None
-        for k in np.flatnonzero(c[b.row] > 0)[:1]  # one of many alike
-    ]
+    jumps = [b for b in system.batches if next(deciding(b.shape, b.kinds), None) is not None]
+    kinks = [b for b in system.batches if bends(b.shape, b.kinds)]
+    return (
+        *_not_derived(system, jumps, c > 0, "the derivative", "what jumps inside noEvent or smooth",
+                      "where the value jumps, leave them out: the jump is an event then, and its impulse is computed"),
+        *_not_derived(system, kinks, c > 1, "the second derivative", "the impulse of a kink",
+                      "where the slope jumps, write an if-expression: the impulse is computed then"),
+    )  # fmt: skip
+
+
+def _not_derived(
+    system: EquationSystem, batches: list[EquationBatch], derived: np.ndarray, what: str, lacks: str, hint: str
+) -> tuple[Diagnostic, ...]:
+    rows = [int(b.row[k]) for b in batches for k in np.flatnonzero(derived[b.row])[:1]]  # one of many alike
     if not rows:
         return ()
     equations = Equations(system.flat)
     sources = system.source[rows].tolist()
     spans = [span for span in equations.spans(sources) if span is not None]
-    message = f"the derivative of {equations.text(sources[0])} does not contain what jumps inside noEvent or smooth"
-    hint = "where the value jumps, leave them out: the jump is an event then, and its impulse is computed"
+    message = f"{what} of {equations.text(sources[0])} does not contain {lacks}"
     labels = tuple(Label(span, "also here") for span in spans[1:SHOWN])
     return (Diagnostic("N0418", message, spans[0] if spans else None, hint=hint, labels=labels),)
 

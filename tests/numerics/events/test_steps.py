@@ -189,3 +189,19 @@ def test_a_differentiated_jump_without_an_event_is_noted(value, noted):
     fixed = f"Force f(f = {value}); Fixed w; {parts} equation connect(w.flange, d.a); connect(f.flange, m.flange);"
     pushed = f"model M {fixed} {wires} end M;"
     assert "N0418" not in [n.code for n in lmoc.compile_text(pushed).notes]
+
+
+CART = "model M Real x, th(start = 0.3, fixed = true), w(start = 0, fixed = true); equation x = {}; der(th) = w; "
+CART += "der(w) = -9.81*sin(th) - der(der(x))*cos(th); end M;"
+
+
+@pytest.mark.parametrize(("value", "notes"), [
+    ("max(0, time - 1)", 1), ("noEvent(abs(time - 1))", 1), ("max(0, 0.5)*time", 0),
+    ("if time < 1 then 0 else time - 1", 0), ("noEvent(if th > 0 then 0 else time)", 1),
+])  # fmt: skip
+def test_impulses_that_are_not_computed_are_noted(value, notes):
+    """The last one leaves a block in which nothing has to be solved for together: its second derivative is zero."""
+    dae = lmoc.compile_text(CART.format(value))
+    assert [n.code for n in dae.notes] == ["N0418"] * notes
+    found, still = (d.simulate(stop=0.9, points=2)["w"][-1] for d in (dae, lmoc.compile_text(CART.format("0*time"))))
+    assert found == pytest.approx(still, abs=1e-6)

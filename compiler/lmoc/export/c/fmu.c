@@ -310,7 +310,7 @@ int fmu_get(fmu *f, uint32_t reference, double *value) {
       break;
     case FMU_DERIVED: fmu_settle(f); *value = f->w[PARAMETRIC][place]; break;
     case FMU_STATE:
-      if (m->loops.stages) found = evaluate(f); /* before the start they follow from others */
+      if (m->loops.stages && !f->now.begun) found = evaluate(f); /* they follow from others */
       *value = f->x[place];
       break;
     case FMU_INPUT: *value = f->u[place]; break;
@@ -376,6 +376,12 @@ int fmu_derivatives(fmu *f, double *out) {
     check += out[i] * 0;
   }
   return found ? found : check == 0 ? FMU_GOOD : FMU_NO_VALUE;
+}
+
+int fmu_states(fmu *f, double *out) {
+  const int found = f->model->loops.stages && !f->now.begun ? evaluate(f) : FMU_GOOD; /* they follow from others */
+  memcpy(out, f->x, (size_t)f->model->states * sizeof(double));
+  return found;
 }
 
 void fmu_set_time(fmu *f, double time) {

@@ -193,6 +193,7 @@ int fmu_set(fmu *f, uint32_t reference, double value);
 int fmu_state_of(const fmu *f, uint32_t reference);  /* which state; -1: none */
 
 int fmu_derivatives(fmu *f, double *out);
+int fmu_states(fmu *f, double *out);
 void fmu_set_time(fmu *f, double time);
 void fmu_set_states(fmu *f, const double *x);
 

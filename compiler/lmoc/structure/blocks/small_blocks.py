@@ -175,6 +175,8 @@ def steps_of(blocks: AlikeBlocks, around: Surroundings) -> list[Step]:
     constant = is_linear and all(is_constant(c, blocks.kinds) for row in linear for _, c in row)
     if constant:
         around.test(partial(_singular, blocks, linear), blocks.equations)
+    if not order.torn:  # what made it a block vanishes in derivatives
+        return [blocks.apply(f, blocks.registers[:, v]) for v, f in inner]
     explicit = _formulas(blocks, order, inner, constant, favourites) if is_linear else None
     if explicit is not None:
         torn: list[Step] = [blocks.apply(f, blocks.registers[:, v]) for v, f in zip(order.torn, explicit, strict=True)]

@@ -9,10 +9,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lmoc.expression.dag import Expr, nodes_outside_events, slots
+from lmoc.expression.dag import Expr, depends_on_time, nodes_outside_events, slots
 from lmoc.structure.index.system import EquationBatch, EquationSystem
 from lmoc.structure.linear.coefficients import INPUT, UNKNOWN, Kinds
 
+_BENDS = frozenset(("abs", "min", "max"))
 _STEPS = frozenset(("sign", "floor", "ceil", "integer", "mod", "rem", "div_integer", "xor"))
 
 
@@ -22,6 +23,14 @@ def deciding(shape: Expr, kinds: Kinds) -> Iterator[Expr]:
         if node.op == "if" or node.op in _STEPS:
             own = node.args[:1] if node.op == "if" else node.args
             yield from (a for a in own if any(kinds[leaf.value[0]] == UNKNOWN for leaf in slots(a)))
+
+
+def bends(shape: Expr, kinds: Kinds) -> bool:
+    """Return whether a function of time alone has a kink without an event: its second derivative lacks an impulse."""
+    return any(
+        node.op in _BENDS and depends_on_time(node) and all(kinds[leaf.value[0]] != UNKNOWN for leaf in slots(node))
+        for node in nodes_outside_events(shape)
+    )
 
 
 def jumping(system: EquationSystem, c: np.ndarray) -> np.ndarray:
