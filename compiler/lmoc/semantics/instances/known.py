@@ -35,8 +35,8 @@ class KnownValues:
         self._elements = elements
         self._numbers: dict[Variable, np.ndarray] = {}
         self._evaluating: list[Variable] = []
-        self._constants: dict[int, Value] = {}
-        self._open_constants: list[tree.Expression] = []
+        self._constants: dict[tuple[int, Scope], Value] = {}  # by the expression and the class that it is meant for
+        self._open_constants: list[tuple[int, Scope]] = []
         self.undetermined: set[Variable] = set()
 
     def numbers(self, variable: Variable) -> np.ndarray:
@@ -106,17 +106,18 @@ class KnownValues:
 
     def constant(self, component: tree.Component, expression: tree.Expression, scope: Scope) -> Value:
         """The value of a constant of a class, as numbers."""
-        found = self._constants.get(id(expression))
+        key = id(expression), scope
+        found = self._constants.get(key)
         if found is None:
-            if any(expression is e for e in self._open_constants):
+            if key in self._open_constants:
                 raise Wrong("E0207", f"the constant '{component.name}' depends on itself", component.span)
-            self._open_constants.append(expression)
+            self._open_constants.append(key)
             try:
                 context = Context(self._model, None, scope)
                 value = _in_numbers(context, context.value(expression), expression, component.name)
             finally:
                 self._open_constants.pop()
-            found = self._constants[id(expression)] = value
+            found = self._constants[key] = value
         return found
 
 
