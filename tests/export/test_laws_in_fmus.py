@@ -265,6 +265,24 @@ def test_what_a_parameter_moves_is_open_or_refused(tmp_path) -> None:
         fmu.freeInstance()
 
 
+def test_a_string_in_a_linkage_stops_its_rocker(tmp_path) -> None:
+    """The closures of its loop are solved by iteration: also where the laws are judged, wherever a step has led."""
+    text = (MODELS.parent / "planar/four_bar.lmo").read_text(encoding="utf-8")
+    string = "Anchor nail(x = 0.2, y = 1.2); PointOf tip(rx = 0, ry = 0); Cable string(L = 0.8, e = 0.3);"
+    wires = "connect(nail.point, string.a); connect(string.b, tip.point); connect(tip.frame, rocker.b);"
+    text = text.replace("equation\n", f"{string}\nequation\n{wires}\n", 1)
+    text = text.replace(".TorsionDamper friction(c = 0.5)", ".BearingFriction friction(tau = 1)")
+    dae = lmoc.compile_text(text.replace("StopTime = 5", "StopTime = 2"))
+    run = dae.simulate(rtol=1e-8)
+    path = dae.export(tmp_path / "scene.fmu").path
+    fmu, references, events = told(path, 2.0, 7)
+    assert events == of_laws(run) and {kind for _, kind in events} == {"impact", "slip"}
+    values = fmu.getFloat64([references[n] for n in dae.outputs])
+    assert values == pytest.approx([run[n][-1] for n in dae.outputs], abs=1e-5)
+    fmu.terminate()
+    fmu.freeInstance()
+
+
 def test_friction_between_springs_is_refused_by_name(tmp_path) -> None:
     with pytest.raises(lmoc.ModelError) as caught:
         lmoc.compile_text(SPRINGS).export(tmp_path / "scene.fmu")

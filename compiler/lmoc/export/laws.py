@@ -13,7 +13,7 @@ import numpy as np
 
 from lmoc.ir.law import JENKINS, NONE
 from lmoc.ir.mode import law_names, law_rows
-from lmoc.ir.program import Solve, unfilled, walk
+from lmoc.ir.program import unfilled
 from lmoc.lower.tape import Tape
 from lmoc.numerics.laws.free_dynamics import FreeDynamics, free_dynamics
 from lmoc.numerics.laws.instant import ContactKinematics, LawTable
@@ -79,9 +79,6 @@ def why_not(plan: Plan) -> str:
     jenkins = [name for name, degree in zip(names, form.degree, strict=True) if degree == JENKINS]
     if jenkins:
         return f"'{jenkins[0]}' is a friction between springs, without a mass or a damper beside it"
-    nonlinear = any(isinstance(s, Solve) and not s.linear for s in walk(plan.full_program))
-    if nonlinear or plan.reduced.constraints is not None:
-        return f"it has laws ('{names[0]}') beside closed loops or other equations that are solved by iteration"
     return ""
 
 

@@ -17,15 +17,16 @@ static double scale_of(int64_t states, const double *slope, const double *x, dou
 }
 
 int lmoc_free_at(void *own, double time, const double *x, double *values) {
-  const lmoc_free_dynamics *f = own;
+  lmoc_free_dynamics *f = own;
   const int64_t n = f->laws, m = f->states;
   double *delassus = values + 7*n, *slope = delassus + (n + m) * n;
   double *matrix[2] = {delassus, slope}, *quantity[] = {values, values + n, values + 4*n, values + 5*n, values + 6*n};
+  f->lost = 0;
   memset(delassus, 0, (size_t)((n + m) * n + 2*n*m) * sizeof(double));
   for (int k = 0; k < 2; k++) {
     double *w = f->w[k];
     for (int64_t j = 0; j < m; j++) w[f->state[j]] = x[j];
-    f->tape[k]->run(time, w, f->tape[k]);
+    f->lost |= f->tape[k]->run(time, w, f->tape[k]) & LMOC_FAILED;
     for (int64_t i = 0; i < f->count[k]; i++) matrix[k][f->entry[k][i]] = w[f->place[k][i]];
   }
   for (int64_t i = 0; i < 5*n; i++) {

@@ -19,6 +19,7 @@ typedef struct {
   const int32_t *state;          /* (states,) registers, of both */
   const int32_t *quantity;       /* (5, n) registers of gap, rate, level, limits while slipping and sticking … */
   const double *known;           /* … -1 where they are parameters, or no number where there are none */
+  int64_t lost;                  /* whether a nonlinear block has had no solution near the values it begins with */
 } lmoc_free_dynamics;
 
 /* As `lmoc_kinematics` asks it. */

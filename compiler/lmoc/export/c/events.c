@@ -136,7 +136,10 @@ static int crossed(fmu *f, double *which) {
       const double now = values[at] * sides[at], then = later[at] * sides[at];
       if (is_crossed(now, then)) which[k] = 1 + (double)edge;
     }
-  for (int64_t k = first; k < count; k++) f->law_which[k - first] = is_crossed(values[k], later[k]);
+  for (int64_t k = first; k < count; k++) {
+    /* the closure of a loop is another one by rounding each time: what has been located happens, else it is so for ever */
+    f->law_which[k - first] = is_crossed(values[k], later[k]) || (f->located && f->finder.which[k]);
+  }
   return FMU_GOOD;
 }
 

@@ -112,8 +112,9 @@ static void forget(fmu *f) {
 /* Nonlinear blocks begin as the scene is at its start. */
 static void guess(fmu *f) {
   const fmu_model *m = f->model;
-  for (int64_t i = 0; i < m->unknowns; i++)
-    f->w[RIGHT][m->unknown[i]] = f->w[OBSERVE][m->unknown[i]] = f->w[LOOK][m->unknown[i]] = m->guess[i];
+  const int tapes[] = {RIGHT, OBSERVE, LOOK, BY_FORCE, BY_STATE};
+  for (size_t k = 0; k < (m->laws.laws.count ? 5 : 3); k++)
+    for (int64_t i = 0; i < m->unknowns; i++) f->w[tapes[k]][m->unknown[i]] = m->guess[i];
 }
 
 void fmu_reset(fmu *f) {
@@ -241,22 +242,26 @@ void fmu_settle(fmu *f) {
   if (runs) fmu_law_compare(f);
 }
 
+int fmu_lost(fmu *f) {
+  f->tell(f->owner, "the equations of a nonlinear block have no solution near the last one");
+  return FMU_NO_VALUE;
+}
+
 /* The equations at a place; loops are closed first as the scene is at its start, from where the way leads there. */
-static int solve(fmu *f, double time, const double *x) {
+int fmu_solve(fmu *f, double time, const double *x) {
   if (f->call.remembered && !f->now.closed) lmoc_evaluate(&f->call, f->model->start_time, f->model->start);
   if (!lmoc_evaluate(&f->call, time, x)) {
     f->now.closed = 1;
     return FMU_GOOD;
   }
-  f->tell(f->owner, "the equations of a nonlinear block have no solution near the last one");
-  return FMU_NO_VALUE;
+  return fmu_lost(f);
 }
 
 int fmu_look(fmu *f, double time, const double *x) {
   const fmu_events *e = &f->model->events;
   fmu_settle(f);
   f->now.evaluated = f->now.observed = 0;
-  if (solve(f, time, x)) return FMU_NO_VALUE;
+  if (fmu_solve(f, time, x)) return FMU_NO_VALUE;
   for (int64_t i = 0; i < e->kept; i++) f->w[LOOK][e->kept_registers[i]] = f->w[RIGHT][e->kept_registers[i]];
   return lmoc_tape_run(time, f->w[LOOK], f->tape + LOOK) & LMOC_FAILED ? FMU_NO_VALUE : FMU_GOOD;
 }
@@ -269,7 +274,7 @@ static int evaluate(fmu *f) {
     if (found) return found;
   }
   if (f->now.evaluated) return FMU_GOOD;
-  if (solve(f, f->now.time, f->x)) return FMU_NO_VALUE;
+  if (fmu_solve(f, f->now.time, f->x)) return FMU_NO_VALUE;
   f->now.evaluated = 1;
   return FMU_GOOD;
 }
@@ -553,6 +558,7 @@ static int pass_time(fmu *f, double end, int *root) {
 static int happen(fmu *f, int *found) {
   f->now.wish = 0;
   *found = fmu_happen(f);
+  f->located = 0;
   if (!*found) *found = fmu_holds(f);
   return *found || f->now.ended;
 }
@@ -569,6 +575,7 @@ int fmu_advance(fmu *f, double end) {
     if (until - f->now.time > SHORTEST * fabs(until)) { /* an ulp is no step: a tick just before a communication point */
       found = f->model->states ? smooth(f, until, &root) : pass_time(f, until, &root);
       if (found) return found;
+      f->located = root;
     }
     if (!root) {
       f->now.time = next;

@@ -179,7 +179,8 @@ typedef struct fmu {
   int32_t *pivots;
   const lmoc_call *last;
   lmoc_call call;
-  int failed;                                   /* what has held up the laws */
+  int failed, located;                          /* what has held up the laws; whether `finder.which` tells of a root
+                                                   where the time stands */
   void *owner;
   fmu_tell tell, warn, note;
 } fmu;
@@ -207,7 +208,9 @@ int fmu_directional(fmu *f, const uint32_t *unknowns, size_t rows, const uint32_
                     const double *seed, double *out, int adjoint);
 
 /* How it stands within the equations (`fmu.c`). */
-int fmu_look(fmu *f, double time, const double *x);     /* registers of LOOK at a place */
+int fmu_lost(fmu *f);                                   /* a nonlinear block has no solution there */
+int fmu_solve(fmu *f, double time, const double *x);    /* those of the derivatives … */
+int fmu_look(fmu *f, double time, const double *x);     /* … and registers of LOOK at a place */
 void fmu_settle(fmu *f);                                /* parameters, inputs and modes into the registers */
 void fmu_changed(fmu *f);
 int fmu_refused(fmu *f, const char *text);

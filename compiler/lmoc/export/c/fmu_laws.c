@@ -9,8 +9,17 @@ static const double DRIFT = 0.1;     /* of the tolerance: from there on the stat
 
 /* ------------------------------------------------------------------ quantities */
 
+/* Nonlinear blocks, such as the closures of loops, begin where those of the motion are: these are followed on the way. */
 static int contact_at(void *own, double time, const double *x, double *values) {
-  return lmoc_free_at(&((fmu *)own)->scene, time, x, values);
+  fmu *f = own;
+  const int32_t *unknown = f->model->unknown;
+  if (f->call.remembered && fmu_solve(f, time, x)) return LMOC_HELD_UP;
+  for (int64_t i = 0; i < f->call.remembered; i++)
+    f->w[BY_FORCE][unknown[i]] = f->w[BY_STATE][unknown[i]] = f->w[RIGHT][unknown[i]];
+  lmoc_free_at(&f->scene, time, x, values);
+  if (!f->scene.lost) return LMOC_SOLVED;
+  fmu_lost(f);
+  return LMOC_HELD_UP;
 }
 
 void fmu_law_given(fmu *f) {

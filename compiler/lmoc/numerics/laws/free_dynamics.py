@@ -339,6 +339,7 @@ class FreeInC(ctypes.Structure):
         ("count", ctypes.c_int64 * 2),
         *[(name, ctypes.c_void_p * 2) for name in ("place", "entry", "w", "tape")],
         *[(name, ctypes.c_void_p) for name in ("state", "quantity", "known")],
+        ("lost", ctypes.c_int64),
     ]
 
 
