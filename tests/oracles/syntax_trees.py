@@ -172,7 +172,7 @@ def classes(
         description=texts,
         final=st.booleans(),
         inner=st.booleans(),
-        outer=st.booleans(),
+        outer=st.just(False),
         replaceable=st.booleans(),
         redeclare=redeclare,
         **body,

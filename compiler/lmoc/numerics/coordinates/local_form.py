@@ -262,10 +262,6 @@ class LocalForm:
         rows = tuple(np.concatenate([a, a @ table[c]], axis=2) for a, c in zip(own, self._left, strict=True))
         return LocalRows(rows, tuple(np.linalg.svd(r, compute_uv=False)[:, -1] for r in rows), factors)
 
-    def margin_at_once(self, matrix: np.ndarray) -> float:
-        """Return the smallest singular value of any block, in rows of one size."""
-        return self.local(self._in_rows_of_one_size(matrix)).margin
-
     def vanishes(self, matrix: np.ndarray) -> bool:
         """Return whether the dependent coordinates of a block do not follow, in rows of one size."""
         parts = self._own(self._in_rows_of_one_size(matrix))

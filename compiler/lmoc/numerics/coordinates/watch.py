@@ -175,7 +175,7 @@ class CoordinateWatch:
         crawling = status is Status.CRAWLING  # not the fault of coordinates: they are watched
         self.lost_rank = self.accepted.margin < (_ALERT if crawling else _DEPENDENT)
         if crawling and not self.lost_rank:  # begun so near that all entries of a column have been small ever since
-            self.lost_rank = self._margin_at_once(self.accepted.matrix) < _DEPENDENT
+            self.lost_rank = self.margin_at_once(self.accepted) < _DEPENDENT
         self.last, self.singular = self.accepted, self.accepted.t
         return Status.COORDINATES if self.lost_rank or (not crawling and self.better()) else status
 
@@ -249,6 +249,11 @@ class CoordinateWatch:
         k = int(np.argmin([margin(t) for t in found.times.tolist()]))
         t, least = lowest(margin, float(found.times[max(k - 1, 0)]), float(found.times[min(k + 1, last)]))
         return t if least < _DEPENDENT else None
+
+    def margin_at_once(self, place: ConstraintState) -> float:
+        """Return the smallest singular value of all constraints, in rows of the sizes that they have at a place."""
+        whole = place.matrix if self._form is None else self._form.dense(place.matrix)
+        return rank_margin(in_rows_of_one_size(whole))
 
     def lost(self) -> int:
         """Return the flat variable that follows least from the states."""
@@ -328,10 +333,6 @@ class CoordinateWatch:
 
     def _vanishes(self, place: ConstraintState) -> bool:
         return vanishes(place.matrix) if self._form is None else self._form.vanishes(place.matrix)
-
-    def _margin_at_once(self, matrix: np.ndarray) -> float:
-        """The smallest singular value, in the sizes of one place alone."""
-        return rank_margin(in_rows_of_one_size(matrix)) if self._form is None else self._form.margin_at_once(matrix)
 
     def _rank_margin(self, even: np.ndarray, sizes: Equilibration | None = None) -> float:
         return rank_margin(even) if self._form is None else self._form.local(even, sizes).margin

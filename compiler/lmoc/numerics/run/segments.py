@@ -284,6 +284,17 @@ class _Run:
 
     # ------------------------------------------------------------------ the way
 
+    def _observer(self, continuation: Continuation | None) -> Observer:
+        """The observer of the segment, with the solutions of its blocks where it goes on.
+
+        From those at its beginning Newton's method may come to another branch, where the segment is long.
+        """
+        observer, watch = self.segment.observer, self.segment.watch
+        if continuation is None or watch is None or not len(watch.unknowns):
+            return observer
+        base = with_solutions(self.segment.base, watch.unknowns, watch.accepted.solutions)
+        return Observer(observer.plan, observer.values, base, observer.signals)
+
     def _integrate(self, x: np.ndarray, begin: float, continuation: Continuation | None = None) -> Outcome:
         """Integrate the current segment from a state to its end.
 
@@ -295,7 +306,7 @@ class _Run:
         if task.options.solver == MOREAU:
             return self._march(x, begin)
         watched = self.monitors
-        end, roots = watched.until(task.span.end), watched.watch(self.segment.observer, begin, x)
+        end, roots = watched.until(task.span.end), watched.watch(self._observer(continuation), begin, x)
         if watched.ended is not None:
             return Outcome(begin, x, 0, watched.ended)
         bounds = Bounds(begin, end, self.longest, roots, continuation=continuation)

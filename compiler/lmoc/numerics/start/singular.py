@@ -25,15 +25,14 @@ def starts_singular(segment: Segment, time: float, x: np.ndarray) -> str:
     """
     if segment.plan.reduced.constraints is None:
         return ""
-    from lmoc.numerics.coordinates.tableau import in_rows_of_one_size, rank_margin  # most scenes have none
-    from lmoc.numerics.coordinates.watch import CoordinateWatch
+    from lmoc.numerics.coordinates.watch import CoordinateWatch  # most scenes have none
 
     watch = CoordinateWatch(segment.system, segment.base)
     watch.begin(time, x)
     place = watch.accepted
     if not np.isfinite(place.matrix).all():
         return ""
-    margin = min(place.margin, rank_margin(in_rows_of_one_size(place.matrix)))
+    margin = min(place.margin, watch.margin_at_once(place))
     return BRANCHES if margin < _DEPENDENT else NEXT if margin < _ALMOST else ""
 
 
