@@ -152,9 +152,9 @@ def _loops(w: _Writer, own: Executable) -> str:
         sizes = f"{len(stage.residual)}, {len(stage.jacobian.source)}, {len(groups)}"
         stages.append(f"{{{sizes}, {name}, {w.tape(tape, not own.branches)}}}")
     held = np.where(loops.free, 0.0, loops.scale)
-    tables = [w.ints(loops.given), w.reals(loops.scale), w.reals(held), w.ints(own.closing, "lmoc_flag")]
+    written = [w.ints(loops.given), w.reals(loops.scale), w.reals(held), w.ints(own.closing, "lmoc_flag")]
     both = ", ".join((*stages, none)[:2])
-    return f"{{{len(stages)}, {len(loops.given)}, {{{both}}}, {', '.join(tables)}}}"
+    return f"{{{len(stages)}, {len(loops.given)}, {{{both}}}, {', '.join(written)}}}"
 
 
 def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
