@@ -50,3 +50,13 @@ def simulated(path: str | Path, **options) -> np.ndarray:
         done = subprocess.run([sys.executable, "-c", SIMULATE, str(place)], capture_output=True, text=True, timeout=300)
         assert done.returncode == 0, done.stderr
         return pickle.loads(place.read_bytes())
+
+
+def beside_a_run(dae, path: str | Path, kind: str) -> tuple:
+    """A tight run of a scene, and what FMPy makes of its FMU at the same times (CVode, or told nothing)."""
+    run = dae.simulate(points=31, rtol=1e-9)
+    found = simulated(
+        path, fmi_type=kind, stop_time=run.time[-1], relative_tolerance=1e-8 if kind == "ModelExchange" else 1e-6,
+        output_interval=run.time[1], output=list(dae.outputs), record_events=False,
+    )  # fmt: skip
+    return run, found[np.searchsorted(found["time"], run.time - 1e-9)]

@@ -35,3 +35,17 @@ equation
   connect(wall.flange, s1.a); connect(wall.flange, d1.a); connect(s1.b, m1.flange); connect(d1.b, m1.flange);
   connect(m1.flange, s2.a); connect(s2.b, m2.flange);
 end Stiff;"""
+FLOOR = """model Floor "a ball on the floor, stuck by friction; the upper end of its damper steps"
+  output Real x(unit = "m") = ball.q;
+  Motion top(q = if time < 1 then 1 elseif time < 2 then 0.5 else 1);
+  Mass ball(m = 1, g = -9.81, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  Damper d(c = 3);
+  Fixed wall;
+  Stop floor(L = 0, e = 0.5);
+  DryFriction friction(F = 0.5);
+equation
+  connect(top.flange, d.b); connect(d.a, ball.flange);
+  connect(wall.flange, floor.a); connect(floor.b, ball.flange);
+  connect(wall.flange, friction.a); connect(friction.b, ball.flange);
+  annotation(experiment(StopTime = 3));
+end Floor;"""

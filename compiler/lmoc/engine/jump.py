@@ -10,7 +10,7 @@ import numpy as np
 from lmoc.engine.answers import Answers, doubles
 from lmoc.engine.library import library
 
-JUMPED, NO_VALUE, SECOND, POWER, ENDLESS, _NO_MEMORY = range(6)
+JUMPED, _, _, _, ENDLESS, _NO_MEMORY = range(6)
 _VALUES = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 5)
 
 
@@ -67,6 +67,12 @@ class JumpOfStates:
         """Return ENDLESS where the ledger grows with a power of the impulses."""
         addresses = [a.ctypes.data for a in (old, change, x)]
         return self._asked.judge(library().lmoc_jump_work(ctypes.byref(self._data), *addresses))
+
+
+def reason(status: int) -> str:
+    """Return why a step has come to a status, in the words of a message."""
+    text: bytes = library().lmoc_jump_reason(status)
+    return text.decode()
 
 
 def steps_between(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

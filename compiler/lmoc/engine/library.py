@@ -65,6 +65,7 @@ _FUNCTIONS = {
     "lmoc_steps_between": (_INT, [_COUNT, *[_POINTER] * 3]),
     "lmoc_jump_states": (_INT, [_POINTER] * 5),
     "lmoc_jump_work": (_INT, [_POINTER] * 4),
+    "lmoc_jump_reason": (ctypes.c_char_p, [_INT]),
     "lmoc_roots_of_step": (None, [_POINTER, _REAL, _REAL]),
     "lmoc_next_root": (_INT, [_POINTER, _POINTER]),
     "lmoc_roots_free": (None, [_POINTER]),

@@ -4,6 +4,7 @@ from math import exp, pi, sqrt
 
 import numpy as np
 import pytest
+from oracles.models import FLOOR
 
 import lmoc
 
@@ -111,23 +112,6 @@ def test_a_kink_passes_through_what_is_rigid() -> None:
         ", q(start = 0, fixed = true), v(start = 0, fixed = true)", ""), stop=2)  # fmt: skip
     assert carried.energy.supplied[-1] == pytest.approx(0.5 * 2 * 2**2, abs=1e-10)
     assert carried.energy.balance < 1e-10
-
-
-FLOOR = """model Floor "a ball on the floor, stuck by friction; the upper end of its damper steps"
-  Motion top(q = if time < 1 then 1 elseif time < 2 then 0.5 else 1);
-  Mass ball(m = 1, g = -9.81, q(start = 0, fixed = true), v(start = 0, fixed = true));
-  Damper d(c = 3);
-  Fixed wall;
-  Stop floor(L = 0, e = 0.5);
-  DryFriction friction(F = 0.5);
-equation
-  connect(top.flange, d.b);
-  connect(d.a, ball.flange);
-  connect(wall.flange, floor.a);
-  connect(floor.b, ball.flange);
-  connect(wall.flange, friction.a);
-  connect(friction.b, ball.flange);
-end Floor;"""
 
 
 def test_closed_contacts_resist_a_step_and_open_and_friction_gives_way() -> None:

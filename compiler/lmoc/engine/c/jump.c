@@ -14,6 +14,19 @@ static const double AGREE = 1e-11;     /* relative difference of two ways, of wh
 static const double EPSILON = 0x1p-52;
 enum { FEW = 8, MANY = 1024 };         /* steps on the way, where what an impulse does depends on the place */
 
+const char *lmoc_jump_reason(int status) {
+  static const char *const reasons[] = {
+    [LMOC_JUMPED] = "",
+    [LMOC_JUMP_NO_VALUE] = "the equations have no solution on its way",
+    [LMOC_JUMP_SECOND] = "the motion needs its second derivative, which is more than an impulse there (give a ramp of finite "
+                         "length instead of a step)",
+    [LMOC_JUMP_POWER] = "what follows from it is not proportional to its velocity (give a ramp of finite length)",
+    [LMOC_JUMP_ENDLESS] = "its effect cannot be determined: give a ramp of finite length",
+    [LMOC_JUMP_NO_MEMORY] = "there is no memory",
+  };
+  return reasons[status];
+}
+
 int lmoc_steps_between(int64_t count, const double *values, double *sides, double *change) {
   const double *near = values, *far = near + count, *after = far + count, *beyond = after + count;
   int some = 0;

@@ -23,6 +23,9 @@ typedef struct {
   int (*values)(void *owner, const double *x, const int32_t *which, const double *given, double *out);
 } lmoc_jump;
 
+/* Why a step has come to what it has, in the words of a message. */
+const char *lmoc_jump_reason(int status);
+
 /* What values step by, from those just before an instant, before that, just after it, and after that (4, count); whether
    any does. `sides` (2, count): values at the instant, from before and after it. */
 int lmoc_steps_between(int64_t count, const double *values, double *sides, double *change);

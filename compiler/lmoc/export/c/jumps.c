@@ -33,16 +33,9 @@ static int read_at(fmu *f, double time, double *out) {
 }
 
 static int refused(fmu *f, int status, int64_t first, const double *old, const double *change) {
-  static const char *const reasons[] = {
-    [LMOC_JUMP_NO_VALUE] = "the equations have no solution on its way",
-    [LMOC_JUMP_SECOND] = "the motion needs its second derivative, which is more than an impulse there",
-    [LMOC_JUMP_POWER] = "what follows from it is not proportional to its velocity",
-    [LMOC_JUMP_ENDLESS] = "its effect cannot be determined",
-    [LMOC_JUMP_NO_MEMORY] = "there is no memory",
-  };
   char text[600];
   snprintf(text, sizeof text, "'%.300s' jumps from %.6g to %.6g at t = %.6g s, and %s", f->model->jumps.names[first],
-           old[first], old[first] + change[first], f->now.time, reasons[status]);
+           old[first], old[first] + change[first], f->now.time, lmoc_jump_reason(status));
   return fmu_refused(f, text);
 }
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.engine.jump import ENDLESS, NO_VALUE, POWER, SECOND
 from lmoc.expression.dag import ZERO, function, if_, slot
 from lmoc.ir.law import NONE, LawKind
 from lmoc.ir.program import Apply, Program, Step, Total, needed_steps, written
@@ -24,14 +23,6 @@ from lmoc.ir.reduced import Reduced
 from lmoc.numerics.observe.slices import renumber
 from lmoc.numerics.plan.plan import Plan
 from lmoc.support.records import dataclass
-
-RAMP = "give a ramp of finite length"
-WHY_NOT = {
-    NO_VALUE: "the equations have no solution on its way",
-    SECOND: f"the motion needs its second derivative, which is more than an impulse there ({RAMP} instead of a step)",
-    POWER: f"what follows from it is not proportional to its velocity ({RAMP})",
-    ENDLESS: f"its effect cannot be determined: {RAMP}",
-}  # by the status of `engine/c/jump.c`
 
 
 class NoImpulse(Exception):

@@ -12,11 +12,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.engine.jump import ENDLESS, JUMPED, JumpOfStates, steps_between
+from lmoc.engine.jump import ENDLESS, JUMPED, JumpOfStates, reason, steps_between
 from lmoc.ir.flat import FlatDAE
 from lmoc.ir.law import NONE
 from lmoc.ir.program import needed_steps, read, walk, written
-from lmoc.numerics.events.impulse import WHY_NOT, GivenProgram, NoImpulse, given_program, law_registers
+from lmoc.numerics.events.impulse import GivenProgram, NoImpulse, given_program, law_registers
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.observe.readout import Readout
 from lmoc.numerics.plan.plan import Plan
@@ -143,7 +143,7 @@ class Steps:
         behind = value + change[first]
         if status != JUMPED:
             what = f"'{name}' jumps from {value:.6g} to {behind:.6g} at t = {t:.6g} s"
-            raise NoImpulse(f"{what}, and {WHY_NOT[status]}")
+            raise NoImpulse(f"{what}, and {reason(status)}")
         work = np.nan
         if jump.work(old, change, x) != ENDLESS:
             work = float(self.values(t, x + moved, after, signals)[-1] - stored_before) if self.stored else 0.0
