@@ -37,10 +37,12 @@ ROOM = """
 model Room "a heater with hysteresis, and a thermometer that is read now and then"
   parameter Real period = 0.5;
   output Real T(start = 15, fixed = true);
-  output Real seen(start = 15, fixed = true);
+  output Real seen;
   Boolean on(start = false, fixed = true);
   Integer steps = integer(T/2);
   Real load = if time > 3.3 and time < 3.4 then 20 else 0;
+initial equation
+  pre(seen) = T;
 equation
   der(T) = (if on then 10 else -3) - 0.2*(T - 5) + load;
   when {T < 18, T > 22} then

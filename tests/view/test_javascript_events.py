@@ -162,7 +162,7 @@ model Signals
   Real z = mod(time, 0.4) + integer(3*sin(time)) + div(time, 0.7);
   Integer k;
 initial equation
-  k = 3;
+  k = 4 + integer(y);
 equation
   der(x) = y - 0.1*x + z + k;
   when sample(0, 0.3) then

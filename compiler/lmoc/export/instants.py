@@ -147,7 +147,7 @@ def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float], read:
     told += [Condition(e.guard, e.slots, 1) for e in events.terminations]
     tables = Tables({}, (), (), NONE) if layout is None else event_tables(layout, own, told)
     texts = [_message(flat, c)(row) for c in checks for row in range(len(c.slots))]
-    begin, begun = _begin(own, events)
+    begin, begun = ((), NONE) if layout is None else _begin(own, layout)
     seen = NONE if layout is None else plan.reduced.register_of[layout.seen]
     known = np.concatenate([NONE, *judged])
     wanted = np.concatenate([zeros, seen, branches, watched.places, known, read]).astype(int)
@@ -215,20 +215,12 @@ def _watched(own: _Layout, flat: FlatDAE) -> tuple[Told, list[np.ndarray], np.nd
     return told, reads, np.concatenate(found), (*steps, *more)
 
 
-def _begin(own: _Layout, events: Events) -> tuple[Program, np.ndarray]:
+def _begin(own: _Layout, layout: EventLayout) -> tuple[Program, np.ndarray]:
     """Return what gives discrete variables with an equation at the start its value: now, and before."""
-    now = dict(zip(*events.before[::-1].tolist(), strict=True)) if events.before.size else {}
-    before = {v: k for k, v in now.items()}
     steps: list[Apply] = []
-    filled: list[int] = []
-    for e in events.start:
-        left = e.left.op == "slot" and own.flat.kind[e.slots[0, e.left.value[0]]] == Kind.DISCRETE
-        side, value = (e.left, e.right) if left else (e.right, e.left)
-        step, out = own.values(value, e.slots)
-        steps.append(step)
-        for row, variable in enumerate(e.slots[:, side.value[0]].tolist()):
-            own_ones = {variable, now.get(variable, variable), before.get(variable, variable)}
-            for one in sorted(own_ones - set(filled)):
-                steps.append(Apply(slot(0) * ONE, out[row : row + 1, None], own.places(np.array([one]))))
-                filled.append(one)
-    return tuple(steps), own.places(np.array(filled, int))
+    filled = [NONE]
+    for one in layout.started:
+        steps.append(Apply(one.step.value, own.places(one.step.slots), own.places(one.step.target)))
+        steps.append(Apply(slot(0) * ONE, own.places(one.past)[:, None], own.places(one.same)))
+        filled += [one.step.target, one.same]
+    return tuple(steps), own.places(np.concatenate(filled))

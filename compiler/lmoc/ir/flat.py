@@ -286,6 +286,14 @@ class FlatDAE:
         return rank
 
     @cached_property
+    def is_fixed(self) -> np.ndarray:
+        """(count,) mask of variables whose start values hold exactly, as far as no parameter decides."""
+        fixed, unknown = np.zeros(self.count, bool), np.full(self.count, np.nan)
+        for a in self.fixed:
+            fixed[a.target] = a.values(unknown) == 1
+        return fixed
+
+    @cached_property
     def input_bindings(self) -> tuple[Assignments, ...]:
         """The default signals of inputs."""
         return tuple(a for a in self.bindings if self.kind[a.target[0]] == Kind.INPUT)

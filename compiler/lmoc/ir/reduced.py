@@ -176,6 +176,7 @@ class Reduced:
         start; None where there is nothing to guess, and in a reduction that has been kept on disk
     switched : where the laws are, whose modes are values of the equations; None without laws
     discrete : the discrete equations in their order, carried out at events
+    started : the initial equations of discrete variables in their order, for what these have been before the start
     constraints : what the choice of coordinates divides by; None where that never changes
     undetermined : (k,) flat variables that the model does not determine (reactions in a redundant loop): reported NaN
     invariants : the closures of its loops; None where no constraints change along the motion
@@ -206,6 +207,7 @@ class Reduced:
     constraints: Constraints | None = None
     undetermined: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     discrete: tuple[DiscreteStep, ...] = ()
+    started: tuple[DiscreteStep, ...] = ()
     invariants: Invariants | None = None
 
     @property

@@ -30,7 +30,7 @@ from lmoc.structure.coordinates.mobility import immobile
 from lmoc.structure.coordinates.selection import Selection, Starts, select
 from lmoc.structure.coordinates.shared import Shared
 from lmoc.structure.coordinates.start_guess import block_unknowns, guess_at, guess_of
-from lmoc.structure.discrete.order import discrete_steps
+from lmoc.structure.discrete.order import discrete_steps, start_steps
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.derived import derived_values
 from lmoc.structure.loops.manifold import without_dependent
@@ -71,10 +71,10 @@ def reduce(
     values = flat.parameter_values() if values is None else values
     if flat.laws and flat.closed is None:
         raise ValueError("a flat model with laws is reduced by structure.laws.reduce, or in one of its modes")
-    discrete, shared = discrete_steps(flat, report), shared or Shared()
+    discrete, started, shared = discrete_steps(flat, report), start_steps(flat, report), shared or Shared()
     normalized, starts = shared.completed(checked(normalize(flat, values, states, report)), without_dependent)
     solved = solve_structure(checked(normalized), states, report, loops, starts)
-    return checked(replace(assemble(solved), discrete=discrete))
+    return checked(replace(assemble(solved), discrete=discrete, started=started))
 
 
 def solve_structure(

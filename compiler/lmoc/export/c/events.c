@@ -281,6 +281,7 @@ static void begin_with(fmu *f) {
   const fmu_events *m = &f->model->events;
   lmoc_instant *e = &f->e;
   for (int64_t i = 0; i < e->discrete; i++) f->w[BEGIN][e->own[i]] = e->v[e->own[i]];
+  for (int64_t i = 0; i < m->seen; i++) f->w[BEGIN][m->seen_registers[i]] = e->v[m->seen_registers[i]];
   lmoc_tape_run(f->now.time, f->w[BEGIN], f->tape + BEGIN);
   for (int64_t i = 0; i < m->begun; i++) e->v[m->begun_ones[i]] = f->w[BEGIN][m->begun_ones[i]];
 }
@@ -306,6 +307,7 @@ static int begin_discrete(fmu *f, int for_good) {
     memset(e->margin, 0, e->zeros * sizeof(double));
     if ((found = lmoc_take(e, t, f->x))) return found;
     for (int64_t i = 0; i < e->before; i++) if (!e->held[i]) e->v[e->past[i]] = e->v[e->now[i]];
+    begin_with(f);
     lmoc_assign(e);
     changed = 0;
     for (int64_t i = 0; i < e->discrete; i++) changed |= lmoc_differ(before[i], e->v[e->own[i]]);

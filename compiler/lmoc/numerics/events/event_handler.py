@@ -125,7 +125,7 @@ class EventHandler:
         discrete, events = self.discrete, self.layout.events
         moving, past = events.before[:, ~np.isin(events.before[0], events.discrete)]
         self._flag(events.initial, 1.0)
-        self._initial_equations()
+        self._initial_equations(first=True)
         for _ in range(_ROUNDS):
             before = discrete.v[events.discrete].copy()
             discrete.push()
@@ -135,6 +135,7 @@ class EventHandler:
             discrete.margin[:] = 0.0  # nothing has crossed zero yet: what is exactly zero is that
             discrete.look(self.begin, x)
             discrete.v[past] = discrete.v[moving]
+            self._initial_equations()
             discrete.assign()
             changed = differ(before, discrete.v[events.discrete])
             if not changed.any():
@@ -148,19 +149,18 @@ class EventHandler:
         self._guarded(lambda: discrete.solve(self.begin, x), self.begin)
         return x
 
-    def _initial_equations(self) -> None:
-        """Discrete variables with an equation at the start have that value, and have had it."""
-        discrete, events = self.discrete, self.layout.events
-        now = dict(zip(*events.before[::-1].tolist(), strict=True)) if events.before.size else {}
-        before = {v: k for k, v in now.items()}
-        for e in events.start:
-            left = e.left.op == "slot" and self.layout.flat.kind[e.slots[0, e.left.value[0]]] == Kind.DISCRETE
-            side, value = (e.left, e.right) if left else (e.right, e.left)
-            target = e.slots[:, side.value[0]]
-            found = discrete.values(value, e.slots)
-            for variable, number in zip(target.tolist(), found.tolist(), strict=True):
-                for one in {variable, now.get(variable, variable), before.get(variable, variable)}:
-                    discrete.v[one] = number
+    def _initial_equations(self, first: bool = False) -> None:
+        """Discrete variables with an equation at the start have had that value, and have it where no `when` gives more.
+
+        Those that read continuous variables wait until there are some.
+        """
+        discrete = self.discrete
+        for one in self.layout.started:
+            if first and one.waits:
+                continue
+            discrete.v[one.step.target] = discrete.values(one.step.value, one.step.slots)
+            if first:
+                discrete.v[one.same] = discrete.v[one.past]
 
     def _flag(self, variable: int, value: float) -> None:
         if variable >= 0:

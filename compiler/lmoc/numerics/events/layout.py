@@ -11,6 +11,7 @@ from lmoc.expression.dag import TIME, Expr, depends_on_time, postorder, slots
 from lmoc.ir.events import Events, Relations
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply, Program, Solve, needed_steps, unfilled, walk
+from lmoc.ir.reduced import DiscreteStep
 from lmoc.lower.blocks import values_tape
 from lmoc.lower.tape import Tape
 from lmoc.numerics.events.switching_blocks import SwitchingBlocks
@@ -28,6 +29,23 @@ class Timed:
     relation: int
     slope: Expr
     offset: Expr
+
+
+@dataclass(frozen=True, eq=False)
+class Started:
+    """Initial equations of discrete variables.
+
+    Attributes
+    ----------
+    step : what they have been before the start
+    past, same : (k,) what has the same values: where they are, and where they go to
+    waits : whether continuous variables are read
+    """
+
+    step: DiscreteStep
+    past: np.ndarray
+    same: np.ndarray
+    waits: bool
 
 
 class EventLayout:
@@ -112,6 +130,7 @@ class EventLayout:
         events, flat = self.events, self.flat
         read = [events.before[0], events.clocks(), *(r.target for r in events.reinits)]
         tables = [(s.value, s.slots) for s in self.plan.reduced.discrete if s.relation < 0 or s.relation in of_time]
+        tables += [(s.value, s.slots) for s in self.plan.reduced.started]
         tables += [(r.value, r.slots) for r in events.reinits]
         tables += [(t.guard, t.slots) for t in events.terminations]
         tables += [(c.condition, c.slots) for c in flat.checks if c.at_events]
@@ -123,6 +142,22 @@ class EventLayout:
         found = np.unique(np.concatenate(read)).astype(int)
         continuous = (flat.kind[found] == Kind.UNKNOWN) | (flat.kind[found] == Kind.INPUT)
         return found[continuous & (self.plan.reduced.register_of[found] >= 0)]
+
+    @cached_property
+    def started(self) -> tuple[Started, ...]:
+        """The initial equations of discrete variables."""
+        now, before = self.events.before.copy()
+        for k in reversed(range(len(now))):  # what pre(pre(v)) remembers is v, too
+            now[now == before[k]] = now[k]
+        found = []
+        for step in self.plan.reduced.started:
+            pairs = []
+            for one in step.target.tolist():
+                own = int(now[before == one][0])
+                pairs += [(one, other) for other in (own, *before[now == own].tolist()) if other != one]
+            past, same = np.array(pairs, int).reshape(-1, 2).T
+            found.append(Started(step, past, same, bool(np.isin(step.slots, self.seen).any())))
+        return tuple(found)
 
     @cached_property
     def rounding(self) -> Rounding:

@@ -80,7 +80,10 @@ def targets(plan: Plan, values: np.ndarray, initial: Mapping[str, float], report
             hint = hint_for(flat, name, lambda b: b.kind == Kind.UNKNOWN)
             report.error("E0622", f"there is no variable '{name}' to initialize", hint=hint)
         elif flat.events is not None and flat.kind[variables[0]] == Kind.DISCRETE:
-            continue  # which the events take
+            past = [step.target for step in plan.reduced.started]
+            determined = flat.events.before[0][np.isin(flat.events.before[1], np.concatenate([variables[:0], *past]))]
+            if np.isin(variables, determined).any():
+                report.error("E0534", f"'{name}' has an initial equation, which gives its value at the start")
         elif flat.kind[variables[0]] != Kind.UNKNOWN:
             hint = f"it is a parameter: --set {name}={value:g}, or parameters={{'{name}': {value:g}}}"
             hint = hint if flat.kind[variables[0]] == Kind.PARAMETER else ""

@@ -45,7 +45,7 @@ def with_events(flat: FlatDAE, drafts: Drafts, assembler: Assembler, report: Rep
             if left.op == "slot" and kinds and kinds[left.value[0]] == Kind.DISCRETE:
                 _report_continuous(flat, group, report)
             continuous.append(replace(group, left=left, right=right, slots=slots))
-    start, initial_groups = _start(flat)
+    start, initial_groups = _start(flat, drafts)
     reinits = _reinits(drafts.reinits, assembler, work)
     changed = replace(
         flat,
@@ -131,16 +131,42 @@ def _report_continuous(flat: FlatDAE, group: Group, report: Report) -> None:
     )
 
 
-def _start(flat: FlatDAE) -> tuple[tuple[Assigned, ...], tuple[Group, ...]]:
-    """The initial equations between discrete variables, and the others."""
-    start, others = [], []
-    for g in flat.initial_groups:
-        kinds = {int(k) for k in flat.kind[g.slots[0]]} if g.rows else set()
-        if Kind.DISCRETE in kinds and Kind.UNKNOWN not in kinds:
-            start.append(Assigned(g.left, g.right, g.slots, g.span, g.part, False))
-        else:
-            others.append(g)
-    return tuple(start), tuple(others)
+def _start(flat: FlatDAE, drafts: Drafts) -> tuple[tuple[Assigned, ...], tuple[Group, ...]]:
+    """The initial equations that determine discrete variables, and the others.
+
+    One with continuous variables determines a discrete one that stands alone on a side, and that nothing else says
+    anything of: no start value, for ``pre(v)`` no fixed one, and no equation between discrete variables.
+    """
+    kinds = [{int(k) for k in flat.kind[g.slots[0]]} if g.rows else set() for g in flat.initial_groups]
+    mixed = [Kind.DISCRETE in k and Kind.UNKNOWN in k for k in kinds]
+    start = [Kind.DISCRETE in k and Kind.UNKNOWN not in k for k in kinds]
+    if any(mixed):
+        own = [g for g, is_own in zip(flat.initial_groups, start, strict=True) if is_own]
+        open_ = _undetermined(flat, drafts, own)
+        for k, g in enumerate(flat.initial_groups):
+            start[k] |= mixed[k] and any(open_[column].all() for column in _alone(g))
+    assigned = (g for g, is_own in zip(flat.initial_groups, start, strict=True) if is_own)
+    others = (g for g, is_own in zip(flat.initial_groups, start, strict=True) if not is_own)
+    return tuple(Assigned(g.left, g.right, g.slots, g.span, g.part, False) for g in assigned), tuple(others)
+
+
+def _undetermined(flat: FlatDAE, drafts: Drafts, own: list[Group]) -> np.ndarray:
+    """(flat.count,) mask of discrete variables that have a value before, of whose start nothing is said otherwise."""
+    pairs = [np.stack([v.offset + np.arange(v.size) for v in pair]) for pair in drafts.helpers.before.items()]
+    now, before = np.concatenate([np.zeros((2, 0), np.int64), *pairs], axis=1)
+    started, determined, open_ = np.zeros((3, flat.count), bool)
+    for a in flat.starts:
+        started[a.target] = True
+    for column in (column for g in own for column in _alone(g)):
+        determined[column] = True
+    said = determined[now] | determined[before] | flat.is_fixed[now]
+    open_[before], open_[now] = ~said, ~(said | started[now])
+    return open_ & (flat.kind == Kind.DISCRETE)
+
+
+def _alone(g: Group) -> list[np.ndarray]:
+    """The variables that stand alone on a side."""
+    return [g.slots[:, side.value[0]] for side in (g.left, g.right) if side.op == "slot" and side.value[1] == 0]
 
 
 def _samples(draft: ActionDraft, assembler: Assembler) -> Samples:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,11 +47,54 @@ def discrete_steps(flat: FlatDAE, report: Report) -> tuple[DiscreteStep, ...]:
     if events is None:
         return ()
     rules = [_Rule(r.op, r.zero, r.slots, r.target, k) for k, r in enumerate(events.relations)]
-    rules += _assignments(flat, events, report)
+    wanted, itself = unknowns(flat, events), np.arange(flat.count)
+    rules += _assignments(flat, events.equations, wanted, itself, report)
     report.check()
-    steps = _sorted(flat, events, rules, report)
+    _report_undetermined(flat, np.setdiff1d(wanted, np.concatenate([wanted[:0], *(r.target for r in rules)])), report)
+    report.check()
+    steps = _sorted(flat, rules, itself, report)
     report.check()
     return steps
+
+
+def start_steps(flat: FlatDAE, report: Report) -> tuple[DiscreteStep, ...]:
+    """The initial equations of discrete variables in their order, each for what its variable has been before.
+
+    Raises
+    ------
+    ModelError
+        As of `discrete_steps`.
+    """
+    events = flat.events
+    if events is None or not events.start:
+        return ()
+    remembered = _remembered(flat, events)
+    wanted = np.intersect1d(events.discrete, remembered[events.before[1]])
+    rules = _assignments(flat, events.start, wanted, remembered, report)
+    report.check()
+    _report_fixed(flat, rules, report)
+    report.check()
+    steps = _sorted(flat, rules, remembered, report)
+    report.check()
+    past = dict(events.before.T.tolist())
+    return tuple(replace(s, target=np.array([past[v] for v in s.target.tolist()])) for s in steps)
+
+
+def _report_fixed(flat: FlatDAE, rules: Sequence[_Rule], report: Report) -> None:
+    fixed, where = flat.is_fixed, {int(v): a.span for a in flat.fixed for v in a.target}
+    for r in rules:
+        for variable in r.target[fixed[r.target]].tolist():
+            name = flat.variable_name(variable)
+            message = f"the start value of '{name}' is fixed, and an initial equation gives another"
+            report.error("E0254", message, where[variable], hint="leave one of them out")
+
+
+def _remembered(flat: FlatDAE, events: Events) -> np.ndarray:
+    """(flat.count,) the variable whose value each ``pre(v)`` holds; any other itself."""
+    found = np.arange(flat.count)
+    for now, before in reversed(events.before.T.tolist()):  # pre(pre(v)) comes ahead of pre(v)
+        found[before] = found[now]
+    return found
 
 
 def unknowns(flat: FlatDAE, events: Events) -> np.ndarray:
@@ -63,18 +107,24 @@ def unknowns(flat: FlatDAE, events: Events) -> np.ndarray:
 # ------------------------------------------------------------------------- matching
 
 
-def _assignments(flat: FlatDAE, events: Events, report: Report) -> list[_Rule]:
-    """Each equation solved for the variable that it determines."""
-    wanted = unknowns(flat, events)
+def _assignments(
+    flat: FlatDAE, equations: Sequence[Assigned], wanted: np.ndarray, of: np.ndarray, report: Report
+) -> list[_Rule]:
+    """Each equation solved for the variable that it determines.
+
+    Parameters
+    ----------
+    wanted : variables that may be determined
+    of : (flat.count,) the variable that a variable stands for
+    """
     column = np.full(flat.count, -1)
     column[wanted] = np.arange(len(wanted))
+    column = column[of]
     row, col, first = [], [], 0
-    for e in events.equations:
+    for e in equations:
         found = [column[e.slots[:, k]] for k in _sides(e)]
         if not any((f >= 0).any() for f in found):
-            name = next((flat.variable_name(int(v)) for v in e.slots[0] if column[v] >= 0), "a variable")
-            report.error("E0423", f"an equation for '{name}' must be solved for it", e.span,
-                         expected="variable = expression")  # fmt: skip
+            _report_unsolved(flat, e, column, of, report)
         for f in found:
             own = np.flatnonzero(f >= 0)
             row.append(first + own)
@@ -88,10 +138,17 @@ def _assignments(flat: FlatDAE, events: Events, report: Report) -> list[_Rule]:
         np.zeros(sum(map(len, row)), np.int64),
     )  # fmt: skip
     match = maximum_matching(incidence) if first else np.zeros(0, np.int64)
-    _report_unmatched(flat, events, wanted, match, report)
-    if report.errors:
-        return []
-    return _oriented(events, wanted, match)
+    _report_unmatched(flat, equations, match, of, report)
+    return [] if report.errors else _oriented(equations, wanted, match, of)
+
+
+def _report_unsolved(flat: FlatDAE, e: Assigned, column: np.ndarray, of: np.ndarray, report: Report) -> None:
+    if sides := _sides(e):
+        name = flat.variable_name(int(of[e.slots[0, sides[0]]]))
+        report.error("E0254", f"'{name}' is determined twice", e.span, hint="an equation that always holds gives it")
+        return
+    name = next((flat.variable_name(int(of[v])) for v in e.slots[0] if column[v] >= 0), "a variable")
+    report.error("E0423", f"an equation for '{name}' must be solved for it", e.span, expected="variable = expression")
 
 
 def _sides(e: Assigned) -> list[int]:
@@ -100,33 +157,36 @@ def _sides(e: Assigned) -> list[int]:
     return [s.value[0] for s in sides if s.op == "slot" and s.value[1] == 0]
 
 
-def _report_unmatched(flat: FlatDAE, events: Events, wanted: np.ndarray, match: np.ndarray, report: Report) -> None:
-    lost = np.setdiff1d(np.arange(len(wanted)), match[match >= 0])
-    for k in lost[:5].tolist():
-        name = flat.variable_name(int(wanted[k]))
-        report.error("E0420", f"nothing determines '{name}'", flat.block_at(int(wanted[k])).span,
+def _report_undetermined(flat: FlatDAE, lost: np.ndarray, report: Report) -> None:
+    for variable in lost[:5].tolist():
+        report.error("E0420", f"nothing determines '{flat.variable_name(variable)}'", flat.block_at(variable).span,
                      hint="assign it in a 'when', or give it an equation")  # fmt: skip
+
+
+def _report_unmatched(
+    flat: FlatDAE, equations: Sequence[Assigned], match: np.ndarray, of: np.ndarray, report: Report
+) -> None:
     first = 0
-    for e in events.equations:
+    for e in equations:
         for k in np.flatnonzero(match[first : first + e.rows] < 0)[:1].tolist():
-            variable = int(e.slots[k, _sides(e)[0]])
-            others = [o for o in events.equations if o is not e and _gives(o, variable)]
+            variable = int(of[e.slots[k, _sides(e)[0]]])
+            others = [o for o in equations if o is not e and _gives(o, variable, of)]
             labels = tuple(Label(o.span, "here as well") for o in others[:2] if o.span is not None)
             report.error("E0254", f"'{flat.variable_name(variable)}' is determined twice", e.span, labels=labels)
         first += e.rows
 
 
-def _gives(e: Assigned, variable: int) -> bool:
-    return any((e.slots[:, k] == variable).any() for k in _sides(e))
+def _gives(e: Assigned, variable: int, of: np.ndarray) -> bool:
+    return any((of[e.slots[:, k]] == variable).any() for k in _sides(e))
 
 
-def _oriented(events: Events, wanted: np.ndarray, match: np.ndarray) -> list[_Rule]:
+def _oriented(equations: Sequence[Assigned], wanted: np.ndarray, match: np.ndarray, of: np.ndarray) -> list[_Rule]:
     rules, first = [], 0
-    for e in events.equations:
+    for e in equations:
         target = wanted[match[first : first + e.rows]]
         first += e.rows
         left = e.left.op == "slot" and e.left.value[1] == 0
-        forward = (e.slots[:, e.left.value[0]] == target) if left else np.zeros(e.rows, bool)
+        forward = (of[e.slots[:, e.left.value[0]]] == target) if left else np.zeros(e.rows, bool)
         for rows, value in ((np.flatnonzero(forward), e.right), (np.flatnonzero(~forward), e.left)):
             if len(rows):
                 rules.append(_Rule("", value, e.slots[rows], target[rows], -1))
@@ -136,8 +196,8 @@ def _oriented(events: Events, wanted: np.ndarray, match: np.ndarray) -> list[_Ru
 # -------------------------------------------------------------------------- sorting
 
 
-def _sorted(flat: FlatDAE, events: Events, rules: Sequence[_Rule], report: Report) -> tuple[DiscreteStep, ...]:
-    """The rows by levels: those of one level do not read each other."""
+def _sorted(flat: FlatDAE, rules: Sequence[_Rule], of: np.ndarray, report: Report) -> tuple[DiscreteStep, ...]:
+    """The rows by levels: those of one level do not read each other; `of` as of `_assignments`."""
     producer = np.full(flat.count, -1)
     first = np.cumsum([0, *(len(r.target) for r in rules)])
     for r, at in zip(rules, first.tolist(), strict=False):
@@ -146,7 +206,7 @@ def _sorted(flat: FlatDAE, events: Events, rules: Sequence[_Rule], report: Repor
     waiting = np.zeros(int(first[-1]), int)
     for r, at in zip(rules, first.tolist(), strict=False):
         columns = sorted({leaf.value[0] for leaf in slots(r.value)})
-        needs = producer[r.slots[:, columns]] if columns else np.zeros((len(r.target), 0), int)
+        needs = producer[of[r.slots[:, columns]]] if columns else np.zeros((len(r.target), 0), int)
         for k, row in enumerate(needs.tolist()):
             for other in set(row) - {-1}:
                 users[other].append(at + k)
@@ -163,7 +223,7 @@ def _sorted(flat: FlatDAE, events: Events, rules: Sequence[_Rule], report: Repor
             if not waiting[user]:
                 queue.append(user)
     if done < len(users):
-        _report_cycle(flat, events, rules, first, np.flatnonzero(waiting > 0), users, report)
+        _report_cycle(flat, rules, first, np.flatnonzero(waiting > 0), users, report)
         return ()
     parts = []
     for r, at in zip(rules, first.tolist(), strict=False):
@@ -176,7 +236,6 @@ def _sorted(flat: FlatDAE, events: Events, rules: Sequence[_Rule], report: Repor
 
 def _report_cycle(
     flat: FlatDAE,
-    events: Events,
     rules: Sequence[_Rule],
     first: np.ndarray,
     stuck: np.ndarray,
@@ -201,7 +260,7 @@ def _report_cycle(
         variable = int(rules[n].target[row - first[n]])
         if not flat.block_at(variable).protected or len(cycle) == 1:
             names.append(flat.variable_name(variable))
-    found = next((v for v in events.discrete.tolist() if flat.variable_name(v) in names[:1]), None)
+    found = next((v for r in rules for v in r.target.tolist() if flat.variable_name(v) in names[:1]), None)
     span = None if found is None else flat.block_at(found).span
     report.error(
         "E0422",

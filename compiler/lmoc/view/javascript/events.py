@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from lmoc.expression.dag import slot
-from lmoc.ir.flat import Kind
 from lmoc.ir.program import Apply, Program, needed_steps
 from lmoc.numerics.events.event_handler import told_variables
 from lmoc.numerics.events.layout import EventLayout
@@ -119,20 +118,12 @@ class _Events:
         return tuple(steps)
 
     def initial(self) -> tuple[list[Program], list[dict]]:
-        """Return the equations of discrete variables that hold at the start only, one a row."""
-        now = {b: a for a, b in self.events.before.T.tolist()}
-        past = {a: b for a, b in self.events.before.T.tolist()}
+        """Return the equations of discrete variables that hold at the start only, and what has the same values."""
         programs: list[Program] = []
         data: list[dict] = []
-        for e in self.events.start:
-            left = e.left.op == "slot" and self.flat.kind[e.slots[0, e.left.value[0]]] == Kind.DISCRETE
-            side, value = (e.left, e.right) if left else (e.right, e.left)
-            for row in range(e.rows):
-                step, out = self.memory.values(value, e.slots[row : row + 1])
-                variable = int(e.slots[row, side.value[0]])
-                targets = {variable, now.get(variable, variable), past.get(variable, variable)}
-                programs.append((step,))
-                data.append({"value": int(out[0]), "targets": [self.single(v) for v in targets]})
+        for one in self.layout.started:
+            programs.append((Apply(one.step.value, self.of(one.step.slots), self.of(one.step.target)),))
+            data.append({"waits": one.waits, "same": self.of(np.stack([one.past, one.same], axis=1)).tolist()})
         return programs, data
 
     # ------------------------------------------------------------------ what happens

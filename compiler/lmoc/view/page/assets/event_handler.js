@@ -30,10 +30,13 @@ export class EventHandler {
     const { discrete, own, begin } = this;
     const { w, functions } = this.scene;
     this.flag(own.initial, 1);
-    own.initialEquations.forEach(({ value, targets }, k) => {
-      functions.initialEquations[k](begin);
-      for (const target of targets) w[target] = w[value];
-    });
+    const initialEquations = (first) =>
+      own.initialEquations.forEach(({ waits, same }, k) => {
+        if (first && waits) return;
+        functions.initialEquations[k](begin);
+        if (first) for (const [past, now] of same) w[now] = w[past];
+      });
+    initialEquations(true);
     let x;
     for (let round = 0, changed = true; changed; round++) {
       if (round === START_ROUNDS) throw new Stopped("no states and discrete values agree at the start");
@@ -41,6 +44,7 @@ export class EventHandler {
       x = states();
       discrete.look(begin, x);
       for (const [now, past] of own.unheld) w[past] = w[now];
+      initialEquations(false);
       discrete.assign();
       changed = discrete.all().some((v, k) => v !== before[k] && !(Number.isNaN(v) && Number.isNaN(before[k])));
     }
