@@ -244,7 +244,7 @@ class TapeAccelerator(Accelerator):
 
     def __init__(self, tape: Tape) -> None:
         super().__init__(cost(tape))
-        self._tape = tape
+        self.tape = tape
 
     def _make(self) -> ctypes.CDLL | None:
-        return compile_tape(self._tape)
+        return compile_tape(self.tape)

@@ -80,11 +80,13 @@ class EngineSystem(System):
         program: Program | None = None,
         inputs: np.ndarray | None = None,
         outputs: np.ndarray | None = None,
+        accelerator: TapeAccelerator | None = None,
     ) -> None:
         """
         Parameters
         ----------
         program, inputs, outputs : others than those of the plan
+        accelerator : of a tape that does more than run the program; `outputs` are places of it then
         """
         super().__init__(plan)
         self._whole = program is None
@@ -92,10 +94,12 @@ class EngineSystem(System):
         self.inputs = plan.states if inputs is None else inputs
         self.outputs = plan.derivatives if outputs is None else outputs
         self.n = len(self.inputs)
-        tape = plan.once(plan_tape) if program is None else values_tape(program, plan.count)
+        if accelerator is None:
+            whole = program is None
+            accelerator = plan.once(plan_accelerator) if whole else TapeAccelerator(values_tape(self.program, plan.count))
+        tape, self._accelerator = accelerator.tape, accelerator
         self.kernel = self._kernel(tape)
-        self.w = self.kernel.w[: plan.count]
-        self._accelerator = plan.once(plan_accelerator) if program is None else TapeAccelerator(tape)
+        self.w = self.kernel.w[: tape.registers]
         self._accelerated, self._noted = False, 0
         self._x = np.zeros(self.n + len(plan.sampled))
         self._own = self._call(np.arange(self.n))
@@ -114,7 +118,7 @@ class EngineSystem(System):
         self.note_work()
         super().prepare(base, signals)
         self._noted = 0
-        self.w[:] = base
+        self.w[: self.plan.count] = base
         self.kernel.forget()
         if self._derivatives is not None:
             self._derivatives.forget()
@@ -148,12 +152,12 @@ class EngineSystem(System):
             self.sample(t, self._x[self.n :])
         evaluate = self.kernel.evaluate_near if near else self.kernel.evaluate
         if not evaluate(self._own, t, self._x):
-            self.w[self.outputs] = np.nan
+            self.kernel.w[self.outputs] = np.nan
 
     def rhs(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
         self.evaluations += 1
         self._run(t, x)
-        np.take(self.w, self.outputs, out=out)
+        np.take(self.kernel.w, self.outputs, out=out)
 
     def rhs_near(self, t: float, x: np.ndarray, unknowns: np.ndarray, solutions: np.ndarray, out: np.ndarray) -> None:
         self.w[unknowns] = solutions
@@ -164,7 +168,7 @@ class EngineSystem(System):
     def _interpreter(self) -> Interpreter:
         """The same program run by numpy, which knows ways to a solution that C does not."""
         if self._numpy is None:
-            self._numpy = Interpreter(self.program, self.plan.count)
+            self._numpy = Interpreter(self.program, len(self.w))
         return self._numpy
 
     def _rescue(self, time: float) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import Diagnostic, ModelError
-from lmoc.numerics.evaluate.engine_system import EngineSystem
+from lmoc.numerics.evaluate.tangent_system import TangentSystem
 from lmoc.numerics.failures.chatter import jumps
 from lmoc.numerics.limits import FINEST_SMOOTH
 from lmoc.numerics.observe.observer import Observer, find
@@ -22,7 +22,10 @@ from lmoc.numerics.observe.solutions import Solutions
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 from lmoc.numerics.options.options import MOREAU
 from lmoc.numerics.plan import kinks
+from lmoc.numerics.problem.base import Problem
+from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import break_times
+from lmoc.numerics.steps import choice
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 
@@ -234,17 +237,9 @@ class Sweep:
         self.rtol, self.sizes = max(_SHARE * rtol, FINEST_SMOOTH), sizes
         self.scale = np.array([d.size for d in directions])
         own = np.isin(np.arange(self.plan.count), self.plan.parameters)
-        self.registers = np.flatnonzero(own & (base != 0).any(axis=0))
-        self.moving = base[:, self.registers].T * self.scale  # (registers, m)
-        # parameters beside the states, as what stays: so their columns are beside those of the states
-        inputs = np.concatenate([self.plan.states, self.registers])
-        outputs = np.concatenate([self.plan.derivatives, self.registers])
-        self.system = EngineSystem(self.plan, self.plan.program, inputs, outputs)
+        registers = np.flatnonzero(own & (base != 0).any(axis=0))
+        self.system = TangentSystem(self.plan, registers, base[:, registers].T * self.scale)
         self.system.prepare(observer.base, observer.signals)
-        self._held = observer.base[self.registers]
-        starts, self._rows = self.system.pattern()
-        self._columns = np.repeat(np.arange(self.system.n), np.diff(starts))
-        self._entries = np.zeros(len(self._rows))
 
     def _breaks(self, begin: float, end: float) -> np.ndarray:
         """Return where the equations have kinks in time.
@@ -263,25 +258,6 @@ class Sweep:
                     raise refused(f"'{direction.name}' moves the instants at which the equations jump or have kinks")
         return distinct(np.concatenate([own, break_times(self.observer.signals, begin, end, kinks.MOST)]))
 
-    def _jacobian(self, t: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rates (n,), and their derivatives (n, n + registers)."""
-        system = self.system
-        system.jacobian_values(t, np.concatenate([x, self._held]), self._entries)
-        found = np.zeros((system.n, system.n))
-        found[self._rows, self._columns] = self._entries
-        return system.registers[self.plan.derivatives], found[: self.n]
-
-    def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
-        """Return the rates of states and tangents, (n·(1 + m),)."""
-        parts = y.reshape(1 + self.m, self.n)
-        rates, found = self._jacobian(t, parts[0])
-        forced = (found[:, self.n :] @ self.moving).T if len(self.registers) else 0.0
-        return np.concatenate([rates, (parts[1:] @ found[:, : self.n].T + forced).ravel()])
-
-    def matrix(self, t: float, y: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the rates without those of the tangents' own matrix: for Newton's method."""
-        return np.kron(np.eye(1 + self.m), self._jacobian(t, y[: self.n])[1][:, : self.n])
-
     def go(self, at: Tangent, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the states (times, n) and tangents (m, times, n) at times that lead away from a place, either way.
 
@@ -290,31 +266,58 @@ class Sweep:
         ModelError
             E0575: instants at which the equations have kinks depend on what is asked for, or the integration failed.
         """
-        from scipy.integrate import solve_ivp
-
         y = np.concatenate([at.x, (at.by * self.scale[:, None]).ravel()])
-        found = np.full((len(times), len(y)), np.nan)
-        found[times == at.time] = y
-        end = float(times[-1]) if len(times) else at.time
-        sign = 1.0 if end >= at.time else -1.0
-        breaks = self._breaks(min(at.time, end), max(at.time, end))[:: int(sign)]
-        edges = [at.time, *(b for b in breaks if 0 < (b - at.time) * sign < abs(end - at.time)), end]
-        atol = _ABSOLUTE * self.rtol * np.tile(self.sizes, 1 + self.m)
-        method = {"method": "DOP853"} if self.explicit else {"method": "Radau", "jac": self.matrix}
-        for a, b in zip(edges, edges[1:], strict=False):
-            if a == b:
-                continue
-            inside = ((times - a) * sign > 0) & ((b - times) * sign >= 0)
-            margin = sign * 4e-15 * max(abs(a), abs(b))  # on this side of the kinks
-            asked = np.clip(times[inside], *sorted((a + margin, b - margin)))
-            grid = np.unique(np.append(asked, b - margin))[:: int(sign)]
-            result = solve_ivp(self.rhs, (a + margin, b - margin), y, t_eval=grid, rtol=self.rtol, atol=atol, **method)
-            if not result.success or not np.isfinite(result.y).all():
-                raise refused(f"their integration failed from t = {a:g} s: {result.message}")
-            places = np.searchsorted(grid[:: int(sign)], asked)
-            found[inside], y = result.y[:, :: int(sign)].T[places], result.y[:, -1]
+        found = np.tile(y, (len(times), 1))
+        ahead = np.flatnonzero(times != at.time)
+        if len(ahead):
+            atol = _ABSOLUTE * self.rtol * np.tile(self.sizes, 1 + self.m)
+            breaks = self._breaks(*sorted((at.time, float(times[-1]))))
+            go = self._forward if times[-1] > at.time else self._back
+            found[ahead] = go(at.time, y, times[ahead], atol, breaks)
         tangents = found[:, self.n :].reshape(len(times), self.m, self.n)
         return found[:, : self.n], np.moveaxis(tangents, 1, 0) / self.scale[:, None, None]
+
+    def _forward(
+        self, begin: float, y: np.ndarray, times: np.ndarray, atol: np.ndarray, breaks: np.ndarray
+    ) -> np.ndarray:
+        """Return states and tangents (times, n·(1 + m)) at times behind a place, by an integrator of runs."""
+        found, end = np.empty((len(times), len(y))), float(times[-1])
+
+        def sink(first: int, states: np.ndarray) -> None:
+            found[first : first + len(states)] = states
+
+        problem = Problem(self.system, begin, y, end, times, self.rtol, atol, sink, breaks=breaks)
+        outcome, _ = choice.run(problem, "dop853" if self.explicit else "radau")
+        if outcome.status is Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if outcome.status is not Status.OK or not np.isfinite(found).all():
+            raise refused(f"their integration failed at t = {outcome.time:g} s: {outcome.status.value}")
+        return found
+
+    def _back(
+        self, begin: float, y: np.ndarray, times: np.ndarray, atol: np.ndarray, breaks: np.ndarray
+    ) -> np.ndarray:
+        """Return the same at times before a place: between an event and the place behind it where tangents begin."""
+        from scipy.integrate import solve_ivp
+
+        def rhs(t: float, y: np.ndarray) -> np.ndarray:
+            out = np.empty(len(y))
+            self.system.rhs(t, y, out)
+            return out
+
+        method = {"method": "DOP853"} if self.explicit else {"method": "Radau", "jac": self.system.jacobian}
+        found, end = np.empty((len(times), len(y))), float(times[-1])
+        edges = [begin, *(b for b in breaks[::-1] if end < b < begin), end]
+        for a, b in zip(edges, edges[1:], strict=False):
+            inside = (times < a) & (times >= b)
+            margin = 4e-15 * max(abs(a), abs(b))  # on this side of the kinks
+            asked = np.clip(times[inside], b + margin, a - margin)
+            grid = np.unique(np.append(asked, b + margin))[::-1]
+            result = solve_ivp(rhs, (a - margin, b + margin), y, t_eval=grid, rtol=self.rtol, atol=atol, **method)
+            if not result.success or not np.isfinite(result.y).all():
+                raise refused(f"their integration failed back from t = {a:g} s: {result.message}")
+            found[inside], y = result.y.T[np.searchsorted(-grid, -asked)], result.y[:, -1]
+        return found
 
 
 def agree(states: np.ndarray, table: np.ndarray, sizes: np.ndarray, rtol: float) -> None:

@@ -1,0 +1,146 @@
+"""States and their tangents as one system: ``x' = f(x, p)`` with ``S' = f_x S + f_p D``, on one tape.
+
+Let the program begin with ``x + S z`` and ``p + D z`` for z = 0: its derivatives by z are the rates of the tangents, as
+many columns as there are directions, and no matrix f_x is made on the way (Griewank & Walther, Evaluating Derivatives,
+2008, chapter 3). Implicit equations are solved once, and their derivatives have the same matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lmoc.engine.accelerator import TapeAccelerator
+from lmoc.expression.dag import Expr, slot
+from lmoc.ir.program import Apply, Program
+from lmoc.lower.blocks import derivatives_tape
+from lmoc.lower.chain_rule import ChainRule
+from lmoc.numerics.evaluate.engine_system import EngineSystem
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.signals.signals import Signal
+from lmoc.structure.linear.substitution import partition
+from lmoc.support.records import dataclass
+
+_KEPT = 8  # sets of directions whose tapes a plan keeps
+
+
+@dataclass(frozen=True, eq=False)
+class Tangents:
+    """What is integrated of a plan with tangents in some directions; registers of its own follow those of the plan.
+
+    Attributes
+    ----------
+    program : that of the plan behind the step that adds the tangents
+    inputs : (n·(1 + m),) registers of the states, then of the tangents, one direction after the other
+    outputs : (n·(1 + m),) places of their rates
+    held, directions : (k,), (k, m) registers of the parameters that move, and of how
+    accelerator : of the tape
+    """
+
+    program: Program
+    inputs: np.ndarray
+    outputs: np.ndarray
+    held: np.ndarray
+    directions: np.ndarray
+    accelerator: TapeAccelerator
+
+
+def _kept(plan: Plan) -> dict[tuple[bytes, bytes], Tangents]:
+    return {}
+
+
+def tangents_of(plan: Plan, registers: np.ndarray, moves: np.ndarray) -> Tangents:
+    """Return the tangents of a plan, made once for the same parameters.
+
+    Parameters
+    ----------
+    registers : (k,) parameters that move
+    moves : (k, m) in which directions they do
+    """
+    kept, key = plan.once(_kept), (registers.tobytes(), moves.tobytes())
+    if key not in kept:
+        for oldest in list(kept)[: 1 - _KEPT]:
+            kept.pop(oldest, None)
+        kept[key] = _made(plan, registers, moves)
+    return kept[key]
+
+
+def _made(plan: Plan, registers: np.ndarray, moves: np.ndarray) -> Tangents:
+    n, (k, m) = len(plan.states), moves.shape
+    inputs, held, directions, z = np.split(
+        plan.count + np.arange(n * (1 + m) + k * (1 + m) + m), np.cumsum([n * (1 + m), k, k * m])
+    )
+    directions = directions.reshape(k, m)
+    columns = inputs.reshape(1 + m, n).T
+    program = *_moved(plan.states, columns[:, 0], columns[:, 1:], np.ones((n, m), bool), z), *_moved(
+        registers, held, directions, moves, z
+    ), *plan.program
+    count = plan.count + n * (1 + m) + k * (1 + m) + m
+    rule = ChainRule(program, z, plan.derivatives, count)
+    tape = derivatives_tape(program, rule, count, values=True)
+    rates = np.full((n, m), z[0])  # zero, where nothing moves
+    rates[rule.rows, rule.columns] = tape.results
+    outputs = np.concatenate([plan.derivatives, rates.T.ravel()])
+    return Tangents(program, inputs, outputs, held, directions, TapeAccelerator(tape))
+
+
+def _moved(out: np.ndarray, held: np.ndarray, by: np.ndarray, moves: np.ndarray, z: np.ndarray) -> list[Apply]:
+    """Return steps for ``held + Σ by·z`` over the directions in which a row moves."""
+    steps = []
+    for own, rows in partition(moves.astype(int)) if len(moves) else []:
+        chosen, which = (slice(None) if rows is None else rows), np.flatnonzero(own)
+        shape: Expr = slot(0)
+        for j in range(len(which)):
+            shape = shape + slot(1 + j) * slot(1 + len(which) + j)
+        at = held[chosen]
+        slots = np.concatenate([at[:, None], by[chosen][:, which], np.tile(z[which], (len(at), 1))], axis=1)
+        steps.append(Apply(shape, slots, out[chosen]))
+    return steps
+
+
+class TangentSystem(EngineSystem):
+    """The tangents of a plan, for one set of directions.
+
+    Its Jacobian is that of the states for each of the tangents: how these rates depend on the states themselves is
+    left out, which Newton's method can do without.
+    """
+
+    def __init__(self, plan: Plan, registers: np.ndarray, directions: np.ndarray) -> None:
+        """
+        Parameters
+        ----------
+        registers : (k,) parameters that move
+        directions : (k, m) how
+        """
+        own = tangents_of(plan, registers, directions != 0)
+        super().__init__(plan, own.program, own.inputs, own.outputs, own.accelerator)
+        self._own_registers, self._moving, self._directions = own, registers, directions
+        self._copies = 1 + directions.shape[1]
+        self._states: EngineSystem | None = None
+
+    def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+        own = self._own_registers
+        self.w[self.plan.count :] = 0.0
+        self.w[own.held], self.w[own.directions] = base[self._moving], self._directions
+        super().prepare(base, signals)
+        self._states = None
+
+    def _of_states(self) -> EngineSystem:
+        if self._states is None:
+            self._states = EngineSystem(self.plan)
+            self._states.prepare(*self.given)
+        return self._states
+
+    def pattern(self) -> tuple[np.ndarray, np.ndarray]:
+        start, rows = self._of_states().pattern()
+        n, each = len(start) - 1, len(rows)
+        starts = [start[:-1] + k * each for k in range(self._copies)]
+        every = np.concatenate([rows + k * n for k in range(self._copies)])
+        return np.append(np.concatenate(starts), self._copies * each).astype(np.int32), every.astype(np.int32)
+
+    def jacobian_values(self, t: float, x: np.ndarray, out: np.ndarray) -> None:
+        states = self._of_states()
+        values = np.empty(len(out) // self._copies)
+        states.jacobian_values(t, x[: states.n], values)
+        out[:] = np.tile(values, self._copies)
