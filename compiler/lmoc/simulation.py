@@ -177,11 +177,9 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
     if prepared.minimal is not None or any(d.subject is Subject.RESHAPED for d in prepared.notes):
         raise refused("a parameter that was given shapes the model", "give it when the scene is compiled")
     segment = run.trajectory.segments[0]
-    found = [_direction(at_work, request, prepared, segment, name) for name in dict.fromkeys(names)]
-    count, begin = len(segment.observer.plan.states), segment.begin
-    start = np.stack([at_start for _, at_start in found])
-    x = _start_states(session, request, segment, {}, {})[:count]
-    first = Tangent(begin, x, start[:, :count], np.nan_to_num(start[:, count:]))
+    directions = [_direction(at_work, request, prepared, segment, name) for name in dict.fromkeys(names)]
+    first = _first(session, request, run, directions)
+    begin = first.time
     explicit = set(str(run.stats["solver"]).split(", ")) <= EXPLICIT
     fine = max(_FINER * float(run.stats["rtol"]), _FINEST)
 
@@ -201,15 +199,15 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
         own = replace(request, options=options, initial=initial, parameters=changed, progress=None)
         return simulate(session, own).trajectory
 
-    return with_events(run.trajectory, first, [direction for direction, _ in found], explicit, flow, wholes)
+    return with_events(run.trajectory, first, directions, explicit, flow, wholes)
 
 
 def _direction(
     session: Session, request: Request, prepared: Prepared, segment: SegmentRecord, name: str
-) -> tuple[Direction, np.ndarray]:
-    """Return what is differentiated by, with the derivatives of states and constants at the start (n + registers,)."""
+) -> Direction:
+    """Return what is differentiated by."""
     from lmoc.ir.flat import Kind
-    from lmoc.numerics.run.sensitivities import STEP, Direction, changed_values, difference, refused
+    from lmoc.numerics.run.sensitivities import STEP, Direction, changed_values, refused, same_values
 
     flat, values = prepared.flat, segment.observer.values
     found = flat.find(name)
@@ -224,24 +222,78 @@ def _direction(
         if block.structural or block.quantity in ("Integer", "Boolean", "String"):
             raise refused(f"'{name}' is no number that changes continuously")
         size = abs(value) or 1.0
-        shifted = partial(changed_values, flat, held, variable, value, len(values))
-        if any(prepared.reduced.broken_guard(shifted(k * STEP * size)[: len(prepared.values)]) for k in (-2, 2)):
+        changed = partial(changed_values, flat, held, variable, prepared.reduced.flat.count)
+        if not prepared.reduced.guards_hold(changed(np.array([-2.0, 2.0]) * STEP * size), near=True).all():
             raise refused(f"the reduction assumes a value of '{name}' that it may not leave")
-        start = difference(lambda c: _start_states(session, request, segment, {name: value + c}, {}), STEP * size)
-        return Direction(name, value, size, shifted, True), start
+        return Direction(name, value, size, changed, True)
     if flat.kind[variable] != Kind.UNKNOWN or isinstance(request.initial, str) or hasattr(request.initial, "time"):
         raise refused(f"'{name}' is neither a parameter nor a variable that is free at the start")
-    observer = segment.observer
-    states = _start_states(session, request, segment, {}, {})[: len(observer.plan.states)]
-    value = float(observer(found, np.array([segment.begin]), states[None])[0, 0])
-    size = max(abs(value), float(np.max(np.abs(observer(found, *segment.samples)), initial=0.0))) or 1.0
-    start = difference(lambda c: _start_states(session, request, segment, {}, {name: value + c}), STEP * size)
-    return Direction(name, value, size, partial(same_values, values), False), start
+    place = _start_of(session, request, segment)[None, : len(segment.observer.plan.states)]
+    value = float(segment.observer(found, np.array([segment.begin]), place)[0, 0])
+    size = max(abs(value), float(np.max(np.abs(segment.observer(found, *segment.samples)), initial=0.0))) or 1.0
+    return Direction(name, value, size, partial(same_values, values), False)
 
 
-def same_values(values: np.ndarray, _: float) -> np.ndarray:
-    """Return parameter values that a start value does not change."""
-    return values
+def _start_of(session: Session, request: Request, segment: SegmentRecord) -> np.ndarray:
+    """Return the states at the start of a run, (n,) and more; from a run of no length where none of its places is there."""
+    times, states = segment.samples
+    return states[0] if len(times) and times[0] == segment.begin else _start_states(session, request, segment, {}, {})
+
+
+def _first(session: Session, request: Request, run: Run, directions: Sequence[Direction]) -> Tangent:
+    """Return where a run starts, with derivatives.
+
+    Those of the states follow from the equations of the start where these determine them and nothing happens there;
+    else they are differences of starts.
+    """
+    from lmoc.numerics.run.sensitivities import STEP, Tangent, difference
+
+    segment = run.trajectory.segments[0]
+    count = len(segment.observer.plan.states)
+    x = _start_of(session, request, segment)[:count]
+    own = _slopes_at_start(request, run, directions, x) or [None] * len(directions)
+    found = []
+    for direction, known in zip(directions, own, strict=True):
+        if known is None:
+            def start(change: float, direction: Direction = direction) -> np.ndarray:
+                given = {} if direction.is_parameter else {direction.name: direction.value + change}
+                return _start_states(session, request, segment, direction.parameters(change), given)
+
+            known = difference(start, STEP * direction.size)
+        found.append(known)
+    table = np.stack(found)
+    return Tangent(segment.begin, x, table[:, :count], np.nan_to_num(table[:, count:]))
+
+
+def _slopes_at_start(
+    request: Request, run: Run, directions: Sequence[Direction], x: np.ndarray
+) -> list[np.ndarray | None] | None:
+    """Return the derivatives (n + registers,) of a start by each direction; None where it has to be started anew."""
+    from lmoc.numerics.run.sensitivities import base_derivatives, starts_smoothly, slope
+    from lmoc.numerics.start.start_slopes import start_slopes
+    from lmoc.numerics.start.targets import own_starts
+    from lmoc.symbolic import starts
+
+    initial = request.initial or {}
+    if isinstance(initial, str) or hasattr(initial, "time") or starts.in_symbols(initial):
+        return None
+    if not starts_smoothly(run.trajectory, x):
+        return None
+    segment = run.trajectory.segments[0]
+    observer, flat = segment.observer, segment.observer.flat
+    base = base_derivatives(observer, directions)
+    given = np.concatenate([np.zeros(0, int), *(flat.find(name) for name in initial)])
+    found: list[np.ndarray | None] = []
+    for k, direction in enumerate(directions):
+        if direction.is_parameter:
+            wished, asked = slope(lambda values: own_starts(flat, values)[0], direction), initial
+            wished[given] = 0.0
+        else:
+            wished, asked = np.zeros(flat.count), {**initial, direction.name: direction.value}
+            wished[flat.find(direction.name)] = 1.0
+        states = start_slopes(observer, segment.begin, x, asked, wished[None], base[k : k + 1])
+        found.append(None if states is None else np.concatenate([states[0], base[k]]))
+    return found
 
 
 def _start_states(

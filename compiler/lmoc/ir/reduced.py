@@ -21,12 +21,14 @@ class Guard:
     """A decision that depends on parameter values: re-check it for another parameter set.
 
     `holds(values)` gets `FlatDAE.parameter_values(...)`; `text` says in the user's names what was assumed, such as
-    ``wheel.J = 0``. Where it is about many rows, `broken(values)` says it of the first one that has changed.
+    ``wheel.J = 0``. Where it is about many rows, `broken(values)` says it of the first one that has changed. `open` says
+    that it excludes what is singular: where it holds, it holds for all values nearby.
     """
 
     holds: Callable[[np.ndarray], bool]
     text: str
     broken: Callable[[np.ndarray], str] | None = None
+    open: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,10 +237,17 @@ class Reduced:
     def _made_for(self) -> bytes:
         return self.values.tobytes()
 
-    def guards_hold(self, values: np.ndarray) -> np.ndarray:
-        """Return for which runs (runs,) all assumptions hold, by their parameter values (flat.count, runs)."""
+    def guards_hold(self, values: np.ndarray, near: bool = False) -> np.ndarray:
+        """Return for which runs (runs,) all assumptions hold, by their parameter values (flat.count, runs).
+
+        Parameters
+        ----------
+        near : the values are as near to some with which all hold as is asked for
+        """
         good = np.ones(values.shape[1], bool)
         for guard in self.guards:
+            if near and guard.open:
+                continue
             together = getattr(guard.holds, "of_runs", None)
             held = None if together is None else together(values)
             if held is None:

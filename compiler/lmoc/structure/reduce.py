@@ -172,7 +172,8 @@ def _start(selection: Selection) -> list[Guard]:
     changing = selection.start is not None and selection.system.flat.starts
     if not changing or not determined_at_start(selection.tied, selection.c, selection.d, selection.choice):
         return []
-    return [Guard(_Startable(selection).holds, "the other coordinates follow from the states at the start")]
+    text = "the other coordinates follow from the states at the start"
+    return [Guard(_Startable(selection).holds, text, open=True)]
 
 
 class _Startable:

@@ -9,9 +9,10 @@ import numpy as np
 from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import ModelError, Report
 from lmoc.numerics.lanes import runs as lanes
-from lmoc.numerics.lanes.scene import NotInLanes, Runs, bases, refuse, sound
+from lmoc.numerics.lanes.scene import NotInLanes, Runs, refuse, sound
 from lmoc.numerics.run.simulate import check_options
 from lmoc.numerics.signals.signals import Constant, bind_signals
+from lmoc.numerics.start.bases import bases
 from lmoc.parameters import indexed
 from lmoc.report.result import is_array
 from lmoc.studies.job import Job

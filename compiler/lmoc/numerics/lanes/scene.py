@@ -14,16 +14,17 @@ from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.taylor_system import plan_series
 from lmoc.numerics.failures.chatter import jumps
 from lmoc.numerics.observe.observer import Observer, find, sources
-from lmoc.numerics.observe.slices import runs_alike, signal_values, slice_of
+from lmoc.numerics.observe.slices import signal_values, slice_of
 from lmoc.numerics.options.options import RunOptions
 from lmoc.numerics.plan.activity import pulsing
 from lmoc.numerics.plan.kinks import switches
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.system import System
-from lmoc.numerics.signals.signals import Constant, Signal
-from lmoc.numerics.solve.interpreter import Interpreter
+from lmoc.numerics.signals.signals import Signal
+from lmoc.numerics.start.bases import signals_of
 from lmoc.numerics.start.first_states import first_states
 from lmoc.numerics.start.initialization import is_given
+from lmoc.numerics.start.targets import own_starts
 from lmoc.numerics.task.tolerances import absolute_tolerances
 from lmoc.support.records import dataclass
 
@@ -58,7 +59,7 @@ class Runs:
 
     def observer(self, run: int) -> Observer:
         """Return the observer of one run."""
-        signals = _signals_of(self.signals, self.numbers, run)
+        signals = signals_of(self.signals, self.numbers, run)
         return Observer(self.plan, np.ascontiguousarray(self.values[:, run]), self.base[run].copy(), signals)
 
     def of(self, variables: np.ndarray, times: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -115,25 +116,6 @@ def refuse(plan: Plan, system: System, options: RunOptions) -> None:
         raise NotInLanes(found)
 
 
-def bases(
-    plan: Plan, values: np.ndarray, signals: Mapping[int, Signal], numbers: Mapping[int, np.ndarray]
-) -> np.ndarray:
-    """Return the registers (runs, registers) that do not change during a run, as `Plan.base` of each."""
-    runs = values.shape[1]
-    if not runs_alike(plan.reduced.parameter_program):
-        return np.stack([plan.base(values[:, k].copy(), _signals_of(signals, numbers, k)) for k in range(runs)])
-    w = np.full((plan.count, runs), np.nan)
-    w[plan.known[0]] = values[plan.known[1]]
-    for register, variable in plan.constants:
-        w[register] = 0.0 if variable < 0 else numbers.get(variable, getattr(signals[variable], "value", np.nan))
-    Interpreter(plan.reduced.parameter_program, plan.count).run(w, np.nan)
-    return np.ascontiguousarray(w.T)
-
-
-def _signals_of(signals: Mapping[int, Signal], numbers: Mapping[int, np.ndarray], run: int) -> dict[int, Signal]:
-    return {**signals, **{variable: Constant(float(own[run])) for variable, own in numbers.items()}}
-
-
 def starts(runs: Runs, begin: float, initial: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return the states (runs, n) at the start, and which runs (runs,) have one.
 
@@ -165,12 +147,7 @@ def _direct(runs: Runs, initial: Mapping[str, np.ndarray]) -> np.ndarray | None:
     plan, flat, values = runs.plan, runs.plan.reduced.flat, runs.values
     if flat.initial_groups:
         return None
-    start, hard = np.full((flat.count, runs.count), np.nan), np.zeros((flat.count, runs.count), bool)
-    for a in flat.starts:
-        start[a.target] = a.values(values)
-    for a in flat.fixed:
-        hard[a.target] = a.values(values) != 0
-    start[hard & np.isnan(start)] = 0.0
+    start, _ = own_starts(flat, values)
     for name, own in initial.items():
         variables = flat.find(name)
         if variables is None or flat.kind[variables[0]] != Kind.UNKNOWN:

@@ -25,6 +25,7 @@ from lmoc.numerics.plan import kinks
 from lmoc.numerics.problem.base import Problem
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import break_times
+from lmoc.numerics.start.bases import bases
 from lmoc.numerics.steps import choice
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
@@ -37,7 +38,7 @@ _ABSOLUTE = 1e-2  # of the relative tolerance times the size
 _ROUNDING = 1e-13  # of the largest number in a motion: what is smaller is none
 _APART = 1e4  # tolerances by which the states may differ from those of the run
 EXPLICIT = frozenset({"dop853", "taylor", "none"})
-Values = Callable[[float], np.ndarray]
+Values = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,15 +50,19 @@ class Direction:
     name : of a parameter or of a variable at the start
     value : that it has
     size : its size, of which differences take a part
-    values : from its change to the parameter values (flat.count,)
+    all_values : from its changes (k,) to the parameter values (flat.count, k)
     is_parameter : else it is a variable at the start
     """
 
     name: str
     value: float
     size: float
-    values: Values
+    all_values: Values
     is_parameter: bool
+
+    def values(self, change: float) -> np.ndarray:
+        """Return the parameter values (flat.count,) when it is changed."""
+        return np.ascontiguousarray(self.all_values(np.array([change]))[:, 0])
 
     def parameters(self, change: float) -> dict[str, float]:
         """Return the parameters of a run in which it is changed, by name."""
@@ -98,12 +103,44 @@ def refused(reason: str, hint: str = "") -> ModelError:
     return ModelError([Diagnostic("E0575", f"sensitivities are not available: {reason}", hint=hint)])
 
 
+def slope(function: Callable[[np.ndarray], np.ndarray], direction: Direction) -> np.ndarray:
+    """Return the derivative (k,) of what follows from parameter values alone; 0 for what has no value.
+
+    Parameters
+    ----------
+    function : from parameter values (flat.count, runs) to (k, runs)
+
+    Raises
+    ------
+    ModelError
+        E0575: something that has a value has no derivative.
+    """
+    for rule in (_CENTRAL, _AHEAD):
+        places, weights = np.array(rule).T
+        found = function(direction.all_values(STEP * direction.size * np.append(0.0, places)))
+        known = np.isfinite(found[:, 0])
+        # differences to the middle: what does not move at all has the derivative zero, not rounding
+        own = (found[known, 1:] - found[known, :1]) @ weights / (STEP * direction.size)
+        if np.isfinite(own).all():
+            result = np.zeros(len(known))
+            result[known] = own
+            return result
+    raise refused(f"what follows from '{direction.name}' alone is not smooth there")
+
+
 def changed_values(
-    flat: FlatDAE, held: Mapping[int, float], variable: int, value: float, count: int, change: float
+    flat: FlatDAE, held: Mapping[int, float], variable: int, count: int, changes: np.ndarray
 ) -> np.ndarray:
-    """Return parameter values (count,) with one of them changed; those of variables that a reduction added are NaN."""
-    found = flat.parameter_values({**held, variable: value + change})
-    return np.concatenate([found, np.full(count - len(found), np.nan)])
+    """Return parameter values (count, k) with one of those held changed; NaN for variables that a reduction added."""
+    numbers = np.repeat(np.array(list(held.values()))[:, None], len(changes), axis=1)
+    numbers[list(held).index(variable)] += changes
+    found = flat.parameter_values_of_runs(np.array(list(held)), numbers)
+    return np.concatenate([found, np.full((count - len(found), len(changes)), np.nan)])
+
+
+def same_values(values: np.ndarray, changes: np.ndarray) -> np.ndarray:
+    """Return parameter values that a start value does not change, as often."""
+    return np.repeat(values[:, None], len(changes), axis=1)
 
 
 def check_motion(trajectory: Trajectory) -> None:
@@ -127,6 +164,23 @@ def check_motion(trajectory: Trajectory) -> None:
         raise refused("the equations jump where a condition on the motion changes")
     if plan.reduced.switched is not None and MOREAU in str(trajectory.stats["solver"]):
         raise refused("time stepping looks at no event by itself")
+
+
+def starts_smoothly(trajectory: Trajectory, x: np.ndarray) -> bool:
+    """Return whether a motion begins with the states (n,) that its start has found, and nothing happens there.
+
+    Laws may have taken their modes: whole numbers, which parameters do not change.
+    """
+    segment, begun = trajectory.segments[0], trajectory.begun
+    if trajectory.flat.events is not None or any(s.begin == segment.begin for s in trajectory.segments[1:]):
+        return False
+    if any(event.time <= segment.begin for event in trajectory.events):
+        return False
+    if begun is None:
+        return True
+    base = segment.observer.base
+    taken = base[~((base == begun[1]) | (np.isnan(base) & np.isnan(begun[1])))]
+    return np.array_equal(begun[0], x) and np.array_equal(taken, np.round(taken))
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,10 +266,10 @@ def shifted(observer: Observer, direction: Direction, change: float, base: np.nd
 def base_derivatives(observer: Observer, directions: Sequence[Direction]) -> np.ndarray:
     """Return the derivatives (m, registers) of what follows from parameters alone."""
 
-    def base(direction: Direction, change: float) -> np.ndarray:
-        return observer.plan.base(direction.values(change), observer.signals)
+    def base(values: np.ndarray) -> np.ndarray:
+        return bases(observer.plan, values, observer.signals, {}).T
 
-    return np.nan_to_num(np.stack([difference(lambda c, d=d: base(d, c), STEP * d.size) for d in directions]))
+    return np.stack([slope(base, direction) for direction in directions])
 
 
 class Sweep:

@@ -51,14 +51,24 @@ class _OwnStarts:
     def _at(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         flat, given = self.flat, values.tobytes()
         if given != self._given:
-            start, hard = np.full(flat.count, np.nan), np.zeros(flat.count, bool)
-            for a in flat.starts:
-                start[a.target] = a.values(values)
-            for a in flat.fixed:
-                hard[a.target] = a.values(values) != 0
-            start[hard & np.isnan(start)] = 0.0
-            self._given, self._found, self._targets = given, (start, hard), None
+            self._given, self._found, self._targets = given, own_starts(flat, values), None
         return self._found
+
+
+def own_starts(flat: FlatDAE, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the model's own start values, NaN where there is none, and a mask of those that hold exactly.
+
+    Parameters
+    ----------
+    values : (flat.count,) parameters, or (flat.count, runs) of many runs
+    """
+    start, hard = np.full(values.shape, np.nan), np.zeros(values.shape, bool)
+    for a in flat.starts:
+        start[a.target] = a.values(values)
+    for a in flat.fixed:
+        hard[a.target] = a.values(values) != 0
+    start[hard & np.isnan(start)] = 0.0
+    return start, hard
 
 
 def targets(plan: Plan, values: np.ndarray, initial: Mapping[str, float], report: Report) -> Targets:

@@ -165,7 +165,8 @@ def dependent(work: Elimination, core: Constraints, guards: list[Guard], report:
     if core.depends_on_parameters:
         holds = partial(_judged_alike, core, work.derived, judged)
         parts = loops.equations.parts(core.source.tolist())
-        guards.append(Guard(holds, f"which constraints of {listed(parts) or 'the model'} are redundant"))
+        text = f"which constraints of {listed(parts) or 'the model'} are redundant"
+        guards.append(Guard(holds, text, open=not judged))
     dropped: dict[int, list[int]] = {}
     contradictory: dict[int, list[int]] = {}
     for number, others, consistent in judged:

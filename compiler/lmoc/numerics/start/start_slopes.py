@@ -1,0 +1,115 @@
+"""Derivatives of the states at a start by what it is asked for and by parameters, without starting anew.
+
+A start meets what is asked for level by level (`lexicographic`). What decides the states and is met there is a system
+of equations F(x, p) = 0 whose Jacobian has full column rank: by the implicit function theorem its solution has the
+derivative that ``F_x dx = -F_p dp`` determines. Everything that this rests on is looked at: equations that are missed
+where they would decide, a rank that is not full, and equations more than enough that contradict each other in the
+derivatives have no answer here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lmoc.messages.diagnostics import Report
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.numerics.start.initialization import start_guess
+from lmoc.numerics.start.start_system import StartSystem
+from lmoc.numerics.start.targets import Targets, targets
+from lmoc.support.sizes import DENSE
+
+_MET = 1e-8  # of the size of a value: a missed one is off by 1e-6 and more (`gauss_newton`), another by rounding
+_RANK = 1e-7  # of rows of length one: what is shorter in the directions left decides nothing
+_AGREE = 1e-7  # of the largest derivative, by which equations more than enough may differ
+
+
+def start_slopes(
+    observer: Observer, time: float, x: np.ndarray, initial: Mapping[str, float], wished: np.ndarray, base: np.ndarray
+) -> np.ndarray | None:
+    """Return the derivatives (m, n) of the states at a start; None where they do not follow from equations met there.
+
+    Parameters
+    ----------
+    x : (n,) the states there
+    initial : {name: value}, as the run was asked for
+    wished : (m, flat.count) derivatives of start values
+    base : (m, registers) derivatives of what follows from parameters alone
+    """
+    plan = observer.plan
+    flat, n = plan.reduced.flat, len(plan.states)
+    wanted = targets(plan, observer.values, initial, Report())
+    position = np.full(plan.count, -1)
+    position[plan.states] = np.arange(n)
+    register = plan.reduced.register_of[wanted.variable]
+    at = np.where(register >= 0, position[register], -1)
+    guess = start_guess(plan, observer.values, wanted)
+    alone = (at >= 0).all() and not flat.initial_groups and not (guess is not None and guess.closed)
+    direct = (at >= 0) & (wanted.hard | alone)
+    own = at[direct]
+    if len(np.unique(own)) == len(own) and (alone or np.isin(np.arange(plan.state_count), own).all()):
+        found = np.zeros((len(wished), n))
+        found[:, own] = wished[:, wanted.variable[direct]]
+        return found
+    if flat.initial_groups or n > DENSE:
+        return None
+    kept = Targets(*(column[register >= 0] for column in vars(wanted).values()))
+    return _by_equations(observer, time, x, kept, wished[:, kept.variable], base)
+
+
+def _by_equations(
+    observer: Observer, time: float, x: np.ndarray, wanted: Targets, wished: np.ndarray, base: np.ndarray
+) -> np.ndarray | None:
+    """Return the derivatives (m, n) from the values wanted, with their derivatives (m, targets); else None."""
+    plan = observer.plan
+    system = StartSystem(plan, observer.base, observer.signals, observer.values, time, wanted, Report())
+    residual, entries = system.evaluate(x)
+    matrix = _dense(entries, (len(residual), len(x)))
+    moving = np.flatnonzero((base != 0).any(axis=0))
+    by_base = Jacobian(system.program, moving, system.outputs, len(system.w))
+    values = by_base.values(system.w, time)
+    right = wished.T - _dense((by_base.rows, by_base.columns, values), (len(residual), len(moving))) @ base[:, moving].T
+    size = np.linalg.norm(matrix, axis=1)
+    free = (matrix == 0).all(axis=0)
+    if not np.isfinite(matrix).all() or not np.isfinite(right).all() or (x[free] != 0).any():
+        return None
+    rows = np.flatnonzero(size > 0)
+    scaled = matrix[rows][:, ~free] / size[rows, None]
+    met = np.abs(residual[rows]) <= _MET * (1.0 + np.abs(system.value[rows]))
+    deciding = _deciding(scaled, system.level[rows], met)
+    if deciding is None:
+        return None
+    right = right[rows[deciding]] / size[rows[deciding], None]
+    solved = np.linalg.lstsq(scaled[deciding], right, rcond=None)[0]
+    if np.max(np.abs(scaled[deciding] @ solved - right), initial=0.0) > _AGREE * np.max(np.abs(right), initial=0.0):
+        return None
+    found = np.zeros((len(wished), len(x)))
+    found[:, ~free] = solved.T
+    return found
+
+
+def _deciding(matrix: np.ndarray, level: np.ndarray, met: np.ndarray) -> np.ndarray | None:
+    """Return the rows that decide all columns, level by level; None where some are missed, or do not suffice."""
+    chosen: list[np.ndarray] = []
+    left = np.eye(matrix.shape[1])  # the directions in which nothing is decided yet
+    for now in np.unique(level):
+        if not left.shape[1]:
+            break
+        own = np.flatnonzero(level == now)
+        own = own[np.linalg.norm(matrix[own] @ left, axis=1) > _RANK]
+        if not met[own].all():
+            return None
+        if len(own):
+            _, values, basis = np.linalg.svd(matrix[own] @ left)
+            left = left @ basis[int((values > _RANK).sum()) :].T
+            chosen.append(own)
+    return None if left.shape[1] or not chosen else np.concatenate(chosen)
+
+
+def _dense(entries: tuple[np.ndarray, np.ndarray, np.ndarray], shape: tuple[int, int]) -> np.ndarray:
+    rows, columns, values = entries
+    found = np.zeros(shape)
+    found[rows, columns] = values
+    return found
