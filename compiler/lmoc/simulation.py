@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.evaluate.functions import StartValues
     from lmoc.numerics.observe.trajectory import End, SegmentRecord, Trajectory
     from lmoc.numerics.options.options import RunOptions
-    from lmoc.numerics.run.sensitivities import Direction, Sensitivities
+    from lmoc.numerics.run.sensitivities import Direction, Sensitivities, Tangent
     from lmoc.run import Run
     from lmoc.symbolic.places import Point
 
@@ -168,7 +168,7 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
         E0575: they are not available, and why; E0622: there is no such parameter or variable.
     """
     from lmoc.numerics.run.saltation import with_events
-    from lmoc.numerics.run.sensitivities import EXPLICIT, Tangent, check_motion, refused
+    from lmoc.numerics.run.sensitivities import EXPLICIT, check_motion, refused
 
     check_motion(run.trajectory)
     if not names:
@@ -207,7 +207,7 @@ def _direction(
 ) -> Direction:
     """Return what is differentiated by."""
     from lmoc.ir.flat import Kind
-    from lmoc.numerics.run.sensitivities import STEP, Direction, changed_values, refused, same_values
+    from lmoc.numerics.run.sensitivities import Direction, changed_values, refused, same_values
 
     flat, values = prepared.flat, segment.observer.values
     found = flat.find(name)
@@ -223,9 +223,10 @@ def _direction(
             raise refused(f"'{name}' is no number that changes continuously")
         size = abs(value) or 1.0
         changed = partial(changed_values, flat, held, variable, prepared.reduced.flat.count)
-        if not prepared.reduced.guards_hold(changed(np.array([-2.0, 2.0]) * STEP * size), near=True).all():
+        direction = Direction(name, value, size, changed, True)
+        if not prepared.reduced.guards_hold(direction.around, near=True).all():
             raise refused(f"the reduction assumes a value of '{name}' that it may not leave")
-        return Direction(name, value, size, changed, True)
+        return direction
     if flat.kind[variable] != Kind.UNKNOWN or isinstance(request.initial, str) or hasattr(request.initial, "time"):
         raise refused(f"'{name}' is neither a parameter nor a variable that is free at the start")
     place = _start_of(session, request, segment)[None, : len(segment.observer.plan.states)]
@@ -235,7 +236,7 @@ def _direction(
 
 
 def _start_of(session: Session, request: Request, segment: SegmentRecord) -> np.ndarray:
-    """Return the states at the start of a run, (n,) and more; from a run of no length where none of its places is there."""
+    """Return the states at the start of a run, (n,) and more; from another start where no output time is there."""
     times, states = segment.samples
     return states[0] if len(times) and times[0] == segment.begin else _start_states(session, request, segment, {}, {})
 
@@ -251,48 +252,52 @@ def _first(session: Session, request: Request, run: Run, directions: Sequence[Di
     segment = run.trajectory.segments[0]
     count = len(segment.observer.plan.states)
     x = _start_of(session, request, segment)[:count]
-    own = _slopes_at_start(request, run, directions, x) or [None] * len(directions)
-    found = []
-    for direction, known in zip(directions, own, strict=True):
-        if known is None:
-            def start(change: float, direction: Direction = direction) -> np.ndarray:
-                given = {} if direction.is_parameter else {direction.name: direction.value + change}
-                return _start_states(session, request, segment, direction.parameters(change), given)
+    own = _slopes_at_start(request, run, directions, x)
 
-            known = difference(start, STEP * direction.size)
-        found.append(known)
-    table = np.stack(found)
+    def by_starts(direction: Direction) -> np.ndarray:
+        def start(change: float) -> np.ndarray:
+            given = {} if direction.is_parameter else {direction.name: direction.value + change}
+            return _start_states(session, request, segment, direction.parameters(change), given)
+
+        return difference(start, STEP * direction.size)
+
+    table = np.stack([by_starts(d) if known is None else known for d, known in zip(directions, own, strict=True)])
     return Tangent(segment.begin, x, table[:, :count], np.nan_to_num(table[:, count:]))
 
 
 def _slopes_at_start(
     request: Request, run: Run, directions: Sequence[Direction], x: np.ndarray
-) -> list[np.ndarray | None] | None:
+) -> list[np.ndarray | None]:
     """Return the derivatives (n + registers,) of a start by each direction; None where it has to be started anew."""
-    from lmoc.numerics.run.sensitivities import base_derivatives, starts_smoothly, slope
+    from lmoc.numerics.run.sensitivities import base_derivatives, slope, starts_smoothly
     from lmoc.numerics.start.start_slopes import start_slopes
     from lmoc.numerics.start.targets import own_starts
     from lmoc.symbolic import starts
 
-    initial = request.initial or {}
+    initial: Point | End | str = request.initial or {}
+    found: list[np.ndarray | None] = [None] * len(directions)
     if isinstance(initial, str) or hasattr(initial, "time") or starts.in_symbols(initial):
-        return None
+        return found
     if not starts_smoothly(run.trajectory, x):
-        return None
+        return found
     segment = run.trajectory.segments[0]
     observer, flat = segment.observer, segment.observer.flat
     base = base_derivatives(observer, directions)
     given = np.concatenate([np.zeros(0, int), *(flat.find(name) for name in initial)])
-    found: list[np.ndarray | None] = []
-    for k, direction in enumerate(directions):
-        if direction.is_parameter:
-            wished, asked = slope(lambda values: own_starts(flat, values)[0], direction), initial
-            wished[given] = 0.0
-        else:
-            wished, asked = np.zeros(flat.count), {**initial, direction.name: direction.value}
-            wished[flat.find(direction.name)] = 1.0
-        states = start_slopes(observer, segment.begin, x, asked, wished[None], base[k : k + 1])
-        found.append(None if states is None else np.concatenate([states[0], base[k]]))
+    own = [k for k, direction in enumerate(directions) if direction.is_parameter]
+    groups = [(own, initial), *(([k], {**initial, d.name: d.value}) for k, d in enumerate(directions) if k not in own)]
+    for group, asked in groups:  # parameters leave the equations of the start as they are
+        wished = np.zeros((len(group), flat.count))
+        for row, k in zip(wished, group, strict=True):
+            direction = directions[k]
+            if direction.is_parameter:
+                row[:] = slope(lambda values: own_starts(flat, values)[0], direction)
+                row[given] = 0.0
+            else:
+                row[flat.find(direction.name)] = 1.0
+        states = start_slopes(observer, segment.begin, x, asked, wished, base[group]) if group else None
+        for j, k in enumerate(group if states is not None else ()):
+            found[k] = np.concatenate([states[j], base[k]])
     return found
 
 

@@ -8,6 +8,8 @@ from conftest import ROOT
 
 import lmoc
 from lmoc.messages.diagnostics import ModelError
+from lmoc.numerics.evaluate.engine_system import EngineSystem
+from lmoc.numerics.evaluate.tangent_system import TangentSystem
 
 SWING = """
 model Swing
@@ -140,6 +142,39 @@ def test_runs_without_them_say_how_to_get_them(dae):
     with pytest.raises(KeyError, match="asked for by k"):
         run.sensitivity("x", "m")
     assert run.sensitivity("x", "k").shape == (3,)
+
+
+@pytest.mark.parametrize(
+    ("file", "name", "variable", "stop"),
+    [("classic/andrews", "c0", "beta", 0.015), ("planar/four_bar", "coupler.l", "rocker.theta", 1.0)],
+)
+def test_closed_loops(file, name, variable, stop):
+    """Blocks that Newton's method solves are differentiated with their own matrix, starts with that of the assembly."""
+    dae, options = lmoc.compile(ROOT / f"models/{file}.lmo"), {"stop": stop, "points": 16, "energy": False}
+    run = dae.simulate(rtol=1e-8, sensitivities=name, **options)
+    truth = _differences(dae, name, variable, False, **options)
+    assert np.abs(run.sensitivity(variable, name) - truth).max() < 1e-6 * np.abs(truth).max()
+
+
+def test_tangents_are_the_jacobian_times_the_directions():
+    """Two states, an input from Python and a parameter, in two directions: S' = f_x S + f_p D."""
+    dae = lmoc.compile_text(SWING)
+    observer = dae.simulate(stop=1, points=3, inputs={"f": np.sin}, energy=False).trajectory.segments[0].observer
+    plan = observer.plan
+    inputs, outputs = (np.append(own, plan.parameters) for own in (plan.states, plan.derivatives))
+    own = EngineSystem(plan, plan.program, inputs, outputs)
+    own.prepare(observer.base, observer.signals)
+    directions = np.linspace(-1.0, 2.0, 2 * len(plan.parameters)).reshape(-1, 2)
+    system = TangentSystem(plan, plan.parameters, directions)
+    system.prepare(observer.base, observer.signals)
+    n, x, tangents = len(plan.states), np.array([0.4, -0.3]), np.array([[1.0, 2.0], [-0.5, 3.0]])
+    rates = np.empty(3 * n)
+    system.rhs(0.7, np.append(x, tangents), rates)
+    matrix = own.jacobian(0.7, np.append(x, observer.base[plan.parameters]))[:n]
+    assert rates[:n] == pytest.approx(own.registers[plan.derivatives], abs=0)
+    exact = tangents @ matrix[:, :n].T + directions.T @ matrix[:, n:].T
+    assert rates[n:].reshape(2, n) == pytest.approx(exact, rel=1e-14)
+    assert system.jacobian(0.7, np.append(x, tangents)) == pytest.approx(np.kron(np.eye(3), matrix[:, :n]))
 
 
 def test_changes_of_coordinates():

@@ -21,8 +21,8 @@ class Guard:
     """A decision that depends on parameter values: re-check it for another parameter set.
 
     `holds(values)` gets `FlatDAE.parameter_values(...)`; `text` says in the user's names what was assumed, such as
-    ``wheel.J = 0``. Where it is about many rows, `broken(values)` says it of the first one that has changed. `open` says
-    that it excludes what is singular: where it holds, it holds for all values nearby.
+    ``wheel.J = 0``. Where it is about many rows, `broken(values)` says it of the first one that has changed. `open`:
+    it excludes what is singular, so that where it holds, it holds for all values nearby.
     """
 
     holds: Callable[[np.ndarray], bool]

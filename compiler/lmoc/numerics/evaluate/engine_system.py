@@ -95,8 +95,8 @@ class EngineSystem(System):
         self.outputs = plan.derivatives if outputs is None else outputs
         self.n = len(self.inputs)
         if accelerator is None:
-            whole = program is None
-            accelerator = plan.once(plan_accelerator) if whole else TapeAccelerator(values_tape(self.program, plan.count))
+            own = None if program is None else TapeAccelerator(values_tape(program, plan.count))
+            accelerator = own or plan.once(plan_accelerator)
         tape, self._accelerator = accelerator.tape, accelerator
         self.kernel = self._kernel(tape)
         self.w = self.kernel.w[: tape.registers]

@@ -1,14 +1,15 @@
 """Derivatives of a motion by parameters and start values: the variational equations, integrated with the states.
 
 ``S' = f_x S + f_p`` (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I (1993), I.14), with the
-tangents of the program. What they begin with, and what variables follow from states, are functions without time:
-their derivatives are differences of order four. Between two segments `saltation` leads over the event.
+tangents of the program on one tape. What follows from parameters alone, and variables from states, are functions
+without time: their derivatives are differences of order four. Between two segments `saltation` leads over the event.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -64,6 +65,11 @@ class Direction:
         """Return the parameter values (flat.count,) when it is changed."""
         return np.ascontiguousarray(self.all_values(np.array([change]))[:, 0])
 
+    @cached_property
+    def around(self) -> np.ndarray:
+        """(flat.count, 5) the parameter values in the middle, and at the places of differences to both sides of it."""
+        return self.all_values(STEP * self.size * np.array([0, *(place for place, _ in _CENTRAL)]))
+
     def parameters(self, change: float) -> dict[str, float]:
         """Return the parameters of a run in which it is changed, by name."""
         return {self.name: self.value + change} if self.is_parameter else {}
@@ -117,10 +123,12 @@ def slope(function: Callable[[np.ndarray], np.ndarray], direction: Direction) ->
     """
     for rule in (_CENTRAL, _AHEAD):
         places, weights = np.array(rule).T
-        found = function(direction.all_values(STEP * direction.size * np.append(0.0, places)))
+        step = STEP * direction.size
+        values = direction.around if rule is _CENTRAL else direction.all_values(step * np.append(0.0, places))
+        found = function(values)
         known = np.isfinite(found[:, 0])
         # differences to the middle: what does not move at all has the derivative zero, not rounding
-        own = (found[known, 1:] - found[known, :1]) @ weights / (STEP * direction.size)
+        own = (found[known, 1:] - found[known, :1]) @ weights / step
         if np.isfinite(own).all():
             result = np.zeros(len(known))
             result[known] = own
@@ -304,7 +312,7 @@ class Sweep:
             E0575: these instants depend on what the motion is differentiated by.
         """
         own = kinks.break_times(self.plan, self.observer.base, begin, end)
-        for direction in self.directions:
+        for direction in self.directions if self.plan.once(kinks.switches) else ():
             for sign in (-1, 1):
                 base = self.plan.base(direction.values(sign * STEP * direction.size), self.observer.signals)
                 other = kinks.break_times(self.plan, base, begin, end)

@@ -1,0 +1,78 @@
+"""Derivatives of starts by the implicit function theorem, against closed forms; and where they do not follow."""
+
+import numpy as np
+import pytest
+
+import lmoc
+from lmoc import simulation
+from lmoc.numerics.start import start_slopes
+
+BAR = """
+model Bar "a point on a circle: y follows from a start value of x, or both are asked for"
+  parameter Real L = 2, x0 = 1.2, w = 0.5;
+  Real x({x});
+  Real y(start = 1, {y}fixed = false);
+  Real vx({v});
+  Real vy;
+  Real f;
+equation
+  x^2 + y^2 = L^2;
+  der(x) = vx;
+  der(y) = vy;
+  der(vx) = -f*x;
+  der(vy) = -f*y - 9.81;
+end Bar;
+"""
+
+
+def _slopes(model, names):
+    """The derivatives at the start, and how many of them took starts of their own."""
+    dae = lmoc.compile_text(model)
+    made = []
+    with pytest.MonkeyPatch.context() as patch:
+        own = simulation._start_states
+        patch.setattr(simulation, "_start_states", lambda *a: made.append(a) or own(*a))
+        run = dae.simulate(stop=0.1, points=3, rtol=1e-9, sensitivities=names)
+    return run, len(made)
+
+
+def test_start_values_on_states_and_on_what_follows_from_them():
+    """vx is asked for, whatever the states are: vy = -vx x/y with y = √(L² - x²)."""
+    model = BAR.format(x="start = x0, fixed = true", y="", v="start = w*L, fixed = true")
+    run, made = _slopes(model, ("x0", "L", "w"))
+    assert made == 0
+    x, L, w = 1.2, 2.0, 0.5
+    y = np.sqrt(L**2 - x**2)
+    truth = {
+        "x0": {"x": 1, "y": -x / y, "vx": 0, "vy": -w * L / y - w * L * x**2 / y**3},
+        "L": {"x": 0, "y": L / y, "vx": w, "vy": -w * x / y + w * L * x * L / y**3},
+        "w": {"x": 0, "y": 0, "vx": L, "vy": -L * x / y},
+    }
+    for by, of in truth.items():
+        for name, value in of.items():
+            assert run.sensitivity(name, by)[0] == pytest.approx(value, abs=1e-7), (name, by)
+
+
+def test_by_a_start_value_that_is_no_state():
+    model = BAR.format(x="start = x0, fixed = true", y="", v="start = w*L, fixed = true")
+    run, made = _slopes(model, ("vx",))
+    assert made == 0
+    assert run.sensitivity("vy", "vx")[0] == pytest.approx(-1.2 / 1.6, abs=1e-7)
+
+
+def test_start_values_that_cannot_be_met_are_differentiated_by_starts():
+    """x and y are asked for and lie beside the circle: the nearest place follows from no equation that is met."""
+    model = BAR.format(x="start = x0", y="", v="start = w*L, fixed = true")
+    run, made = _slopes(model, ("x0",))
+    assert made > 0
+    dae = lmoc.compile_text(model)
+    near = {k: dae.simulate(stop=1, points=2, parameters={"x0": 1.2 + k})["x"][0] for k in (-1e-4, 1e-4)}
+    assert run.sensitivity("x", "x0")[0] == pytest.approx((near[1e-4] - near[-1e-4]) / 2e-4, abs=1e-5)
+
+
+def test_equations_decide_level_by_level():
+    rows = np.array([[1.0, 0.0], [0.0, 1.0], [0.6, 0.8]])
+    met = np.array([True, True, False])
+    assert start_slopes._deciding(rows, np.array([0, 1, 2]), met).tolist() == [0, 1]
+    assert start_slopes._deciding(rows, np.array([0, 2, 1]), met) is None  # what is missed would decide
+    assert start_slopes._deciding(rows[:1], np.array([0]), met[:1]) is None  # a direction is left
