@@ -204,7 +204,7 @@ def _description(run: Result, name: str) -> str:
 
 def _table(rows: Sequence[tuple[str, float, str, str]]) -> list[str]:
     """Aligned at the decimal sign."""
-    values = [f"{value:.6g}" for _, value, _, _ in rows]
+    values = [f"{value:z.6g}" for _, value, _, _ in rows]
     width = max((len(name) for name, *_ in rows), default=0)
     before = max((len(_whole(v)) for v in values), default=0)
     after = max((len(v) - len(_whole(v)) for v in values), default=0)
