@@ -202,7 +202,6 @@ class CompiledDAE(CompiledModel):
         from lmoc.symbolic.equations import equations_of_motion
 
         prepared = self.prepare(parameters)
-        prepared = prepared if explicit else self._session.with_named_curves(prepared)
         if prepared.flat.laws:
             from lmoc.places import modes_met
             from lmoc.symbolic.laws.equations import equations_of_modes
@@ -212,7 +211,7 @@ class CompiledDAE(CompiledModel):
         if prepared.reduced.invariants is not None and not (forces or explicit):
             found = self._session.equations_of_loops(prepared)
         else:
-            found = equations_of_motion(prepared.reduced, prepared.values, forces, explicit, prepared.curves)
+            found = equations_of_motion(prepared.reduced, prepared.values, forces, explicit)
         return replace(found, held=prepared.held)
 
     @budgeted("the equilibria", suspicion)

@@ -131,12 +131,6 @@ class Session:
         reduced = pipeline.reduce(made.flat, made.values, self.scene.states, clock or Clock())
         return Prepared(made.flat, reduced, made.values, prepared.notes, remembered=made.remembered)
 
-    def with_named_curves(self, prepared: Prepared) -> Prepared:
-        """Return what is prepared for derivations with its long curves as signals, as a person writes them."""
-        from lmoc.symbolic.curves import with_named_curves
-
-        return with_named_curves(prepared, self._reduced_in_mode)
-
     def equilibria(self, prepared: Prepared, inputs: Mapping[str, Any] | None) -> Equilibria:
         """Return the states of rest of what is prepared for derivations, with or without laws."""
         from lmoc.symbolic.interface import equilibria

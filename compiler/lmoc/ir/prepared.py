@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -30,7 +28,6 @@ class Prepared:
     notes : what had to be redone for these values
     minimal : the reduction in minimal coordinates that finds the start, where `reduced` has others
     remembered : discrete variables that depend on the past and are held as they start, for a derivation
-    curves : {name: (name of what it goes over, name of its slope or "")} of curves that are signals, for a derivation
     """
 
     flat: FlatDAE
@@ -39,7 +36,6 @@ class Prepared:
     notes: tuple[Diagnostic, ...] = ()
     minimal: Reduced | None = None
     remembered: tuple[int, ...] = ()
-    curves: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     @property
     def held(self) -> dict[str, float]:

@@ -1,28 +1,115 @@
-"""Curves through many points as a person writes them: ``h(φ)`` by its name, no case for each of its pieces."""
+"""Curves through many points as a person writes them: ``h(φ)`` by its name, no case for each of its pieces.
+
+The derivatives of a curve are symbols as well, ``h'`` by the name of its slope where the model has it; what moves along
+a curve has rates by the chain rule, ``ḣ = h'·φ̇``. An identity in these symbols holds for any curve.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.expression.dag import TIME, postorder, slots
+from lmoc.expression.calculus import differentiate
+from lmoc.expression.dag import TIME, postorder, slot, slots
+from lmoc.expression.evaluate import evaluate
 from lmoc.expression.to_sympy import lower_with
 from lmoc.ir.flat import FlatDAE, Group, Kind
-from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
-from lmoc.messages.diagnostics import ModelError
+from lmoc.support.records import dataclass
+from lmoc.symbolic.too_long import no_symbols
 
 if TYPE_CHECKING:
     import sympy
 
 MOST_CASES = 60  # conditions in one equation: a table of 12 points has as many, and its equation fills a page
 LEAST_CASES = 8  # of a curve that is called by its name: a table of two points has as many
+_ENDINGS = "", "_slope", "_curvature"  # of the symbols of a curve and its derivatives
 
-Curves = Mapping[str, tuple[str, str]]  # as `Prepared.curves`
-Reduce = Callable[[FlatDAE, np.ndarray, Sequence[str] | None], Reduced]
+
+@dataclass(frozen=True, eq=False)
+class NamedCurves:
+    """The curves of a flat model that stand in equations by their names.
+
+    Attributes
+    ----------
+    over : {curve: what it goes over}
+    slope : {curve: curve that is its slope}
+    rows : {curve: (group, row, column of what it goes over)}
+    """
+
+    flat: FlatDAE
+    over: Mapping[int, int]
+    slope: Mapping[int, int]
+    rows: Mapping[int, tuple[Group, int, int]]
+
+    def symbol(self, curve: int, order: int = 0) -> sympy.Symbol:
+        """Return the symbol of a curve or of one of its derivatives by what it goes over.
+
+        Raises
+        ------
+        NoSymbolsError
+            E0660: there is no symbol for so high a derivative.
+        """
+        import sympy as sp
+
+        if order > 0 and curve in self.slope:
+            return self.symbol(self.slope[curve], order - 1)
+        if order >= len(_ENDINGS):
+            hint = "a linear model in numbers has no such limit: `lmoc linearize`"
+            name = self.flat.variable_name(curve)
+            raise no_symbols(f"'{name}' is a curve through many points, and the equations have its derivatives", hint)
+        return sp.Symbol(self.flat.variable_name(curve) + _ENDINGS[order])
+
+    @cached_property
+    def derivative_of(self) -> dict[sympy.Symbol, tuple[int, int]]:
+        """{symbol: (curve, order of the derivative)} of all symbols there may be."""
+        orders = [(v, n) for n in reversed(range(len(_ENDINGS))) for v in self.over if not (n and v in self.slope)]
+        return {self.symbol(v, n): (v, n) for v, n in orders}
+
+    def rate(self, curve: int, order: int, jet: Callable[[int], sympy.Expr]) -> sympy.Expr:
+        """Return the first or second rate of a curve by the chain rule.
+
+        Parameters
+        ----------
+        jet : gives the n-th rate of what it goes over
+        """
+        first = self.symbol(curve, 1) * jet(order)
+        return first if order == 1 else first + self.symbol(curve, 2) * jet(1) ** 2
+
+    def number(self, symbol: sympy.Symbol, at: float, values: np.ndarray) -> float:
+        """Return the number of a symbol at a place.
+
+        Parameters
+        ----------
+        at : what the curve goes over
+        values : (flat.count,) parameter values
+        """
+        curve, order = self.derivative_of[symbol]
+        group, row, argument = self.rows[curve]
+        shape, columns = group.right, group.slots[row]
+        for _ in range(order):
+            shape = differentiate(shape, slot(argument))
+        return float(evaluate(shape, lambda k, _: at if k == argument else values[columns[k]]))
+
+    def defined_by(self, group: Group, row: int) -> bool:
+        """Return whether a row of a group says what one of the curves is."""
+        curve = int(group.slots[row, group.left.value[0]]) if group.left.op == "slot" else -1
+        return curve in self.rows and self.rows[curve][:2] == (group, row)
+
+    def names(self, reduced: Reduced) -> dict[str, tuple[str, str]]:
+        """{curve: (name of what it goes over, as equations call it; name of its slope or "")}."""
+        name = self.flat.variable_name
+        slopes = {v: name(w) for v, w in self.slope.items()}
+        return {name(v): (_called(reduced, x), slopes.get(v, "")) for v, x in self.over.items()}
+
+
+def _called(reduced: Reduced, variable: int) -> str:
+    register = int(reduced.register_of[variable])
+    same = register >= 0 and reduced.registers.order[register] == 0
+    return reduced.flat.variable_name(int(reduced.registers.variable[register]) if same else variable)
 
 
 def cases(group: Group) -> int:
@@ -30,62 +117,33 @@ def cases(group: Group) -> int:
     return sum(node.op == "if" for side in (group.left, group.right) for node in postorder(side))
 
 
-def with_named_curves(prepared: Prepared, reduce: Reduce) -> Prepared:
-    """Return a scene whose long curves are signals; as it is where it has none.
-
-    An equation that holds for any signal holds for the curve; `curve_rates.along` says what its rates are.
-
-    Parameters
-    ----------
-    reduce : from a flat model, parameter values and requested states (None for the scene's) to its reduction
-    """
-    flat = prepared.flat
-    over = {v: x for g in flat.groups if cases(g) >= LEAST_CASES for v, x in _curves(flat, g)}
-    signals = [k for k, b in enumerate(flat.blocks) if {*range(b.offset, b.offset + b.size)} <= over.keys()]
-    if not signals or sum(flat.blocks[k].size for k in signals) < len(over):
-        return prepared  # some elements of an array alone cannot be signals
-    blocks = [replace(b, kind=Kind.INPUT) if k in signals else b for k, b in enumerate(flat.blocks)]
-    kind = flat.kind.copy()
-    kind[list(over)] = Kind.INPUT
-    kept = (g for g in flat.groups if cases(g) < LEAST_CASES or not all(v in over for v, _ in _curves(flat, g)))
-    named = replace(flat, blocks=tuple(blocks), groups=tuple(part for g in kept for part in _by_kind(g, kind)))
-    slope_of = _slopes(flat, over)
-    curves = {
-        flat.variable_name(v): (flat.variable_name(x), flat.variable_name(slope_of[v]) if v in slope_of else "")
-        for v, x in over.items()
-    }
-    try:
-        reduced = reduce(named, prepared.values, None)
-    except ModelError:  # the curves are all that ties down what they go over, as the place along a track
-        return prepared
-    return replace(prepared, flat=named, reduced=reduced, curves=curves)
+@lru_cache(maxsize=8)
+def named_curves(flat: FlatDAE) -> NamedCurves:
+    """Return the curves of a flat model that have many pieces."""
+    rows = {v: (g, row, column) for g in flat.groups if cases(g) >= LEAST_CASES for v, row, column in _curves(flat, g)}
+    over = {v: int(g.slots[row, column]) for v, (g, row, column) in rows.items()}
+    return NamedCurves(flat, over, _slopes(flat, rows), rows)
 
 
-def _curves(flat: FlatDAE, group: Group) -> Iterator[tuple[int, int]]:
-    """Yield (variable, what it is a curve over) of the rows of a group ``v = f(x)``."""
+def _curves(flat: FlatDAE, group: Group) -> Iterator[tuple[int, int, int]]:
+    """Yield (variable, row, column of what it goes over) of the rows of a group ``v = f(x)``."""
     moving = {s.value for s in slots(group.right) if flat.kind[group.slots[0, s.value[0]]] >= Kind.INPUT}
     if group.left.op != "slot" or group.left.value[1] != 0 or len(moving) != 1 or TIME in postorder(group.right):
         return  # what moves by itself, too, has other rates
     ((argument, order),) = moving
     column = group.left.value[0]
     if order == 0 and flat.kind[group.slots[0, column]] == Kind.UNKNOWN:
-        yield from zip(group.slots[:, column].tolist(), group.slots[:, argument].tolist(), strict=True)
+        yield from ((v, row, argument) for row, v in enumerate(group.slots[:, column].tolist()))
 
 
-def _by_kind(group: Group, kind: np.ndarray) -> Iterator[Group]:
-    """Yield groups each of whose columns holds variables of one kind."""
-    _, of_row = np.unique(kind[group.slots], axis=0, return_inverse=True)
-    for k in range(of_row.max(initial=-1) + 1):
-        yield replace(group, slots=group.slots[of_row.ravel() == k])
-
-
-def _slopes(flat: FlatDAE, over: Mapping[int, int]) -> dict[int, int]:
+def _slopes(flat: FlatDAE, rows: Mapping[int, tuple[Group, int, int]]) -> dict[int, int]:
     """Return {curve: curve that is its slope}: with the pieces' coefficients as symbols, they are polynomials."""
     import sympy as sp
 
     pieces: dict[tuple, sympy.Dummy] = {}
     x = sp.Dummy("x")
-    form = {v: _on_a_piece(flat, g, row, over[v], x, pieces) for v, g, row in _rows_of(flat, over)}
+    over = {v: g.slots[row, column] for v, (g, row, column) in rows.items()}
+    form = {v: _on_a_piece(flat, g, row, column, x, pieces) for v, (g, row, column) in rows.items()}
     return {
         v: w
         for v in form
@@ -94,19 +152,12 @@ def _slopes(flat: FlatDAE, over: Mapping[int, int]) -> dict[int, int]:
     }
 
 
-def _rows_of(flat: FlatDAE, over: Mapping[int, int]) -> Iterator[tuple[int, Group, int]]:
-    for g in flat.groups:
-        if cases(g) >= LEAST_CASES:
-            yield from ((v, g, row) for row, (v, _) in enumerate(_curves(flat, g)) if v in over)
-
-
 def _on_a_piece(flat: FlatDAE, group: Group, row: int, argument: int, x: sympy.Dummy, pieces: dict) -> sympy.Expr:
     """Return a curve where it does not pass from one piece to the next: what depends on the piece is a symbol."""
     import sympy as sp
 
     def column(k: int, _: int) -> sympy.Expr:
-        variable = int(group.slots[row, k])
-        return x if variable == argument else sp.Symbol(flat.variable_name(variable))
+        return x if k == argument else sp.Symbol(flat.variable_name(int(group.slots[row, k])))
 
     def constant(*key: object) -> sympy.Dummy:
         return pieces.setdefault(key, sp.Dummy())

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from html import escape
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,14 +12,12 @@ import numpy as np
 from lmoc.messages.diagnostics import ModelError
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.support.records import dataclass
-from lmoc.symbolic.curve_rates import refuse_rates
-from lmoc.symbolic.curves import Curves
-from lmoc.symbolic.elimination import MOST_TERMS
+from lmoc.symbolic.curves import named_curves
 from lmoc.symbolic.notation import Formula, Notation, in_words, plain_text
 from lmoc.symbolic.powers import in_powers
 from lmoc.symbolic.sorting import Equation, gathered, solved_equation, sorted_equation, with_few_minus_signs
 from lmoc.symbolic.styles import ASCII, LATEX, MATHML, UNICODE, Style, unit_text
-from lmoc.symbolic.system import jet_symbol, no_symbols, symbolic_system
+from lmoc.symbolic.system import jet_symbol, no_symbols
 from lmoc.symbolic.values import exactly
 
 if TYPE_CHECKING:
@@ -56,7 +53,7 @@ class EquationsOfMotion:
         What vanishes where loops are closed; each has a multiplier in the equations, a force.
     held : {name: value}
         Discrete variables that depend on the past, taken as they start: the equations are others after an event.
-    curves : {name: (name of what it goes over, name of its slope or "")}
+    curves : {name: (what it goes over, as the equations call it; name of its slope or "")}
         Curves through many points, which stand in the equations by their names.
     """
 
@@ -69,7 +66,7 @@ class EquationsOfMotion:
     undetermined: tuple[str, ...] = ()
     closures: tuple[sympy.Expr, ...] = ()
     held: Mapping[str, float] = field(default_factory=dict)
-    curves: Curves = field(default_factory=dict)
+    curves: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -225,7 +222,7 @@ class EquationsOfMotion:
         return replace(self, equations=tuple(moved), notation=notation, forces={})
 
 
-def curves_text(curves: Curves) -> str:
+def curves_text(curves: Mapping[str, tuple[str, str]]) -> str:
     """Say which names stand for curves, and over what these go."""
     slopes = {slope: name for name, (_, slope) in curves.items()}
     return "curves: " + ", ".join(
@@ -251,7 +248,6 @@ def equations_of_motion(
     values: np.ndarray | None = None,
     forces: bool = False,
     solved: bool = False,
-    curves: Curves = MappingProxyType({}),
 ) -> EquationsOfMotion:
     """Return the equations of motion of a reduced system.
 
@@ -264,7 +260,6 @@ def equations_of_motion(
         With the internal forces of ideal parts (rods, strings, gears).
     solved : bool
         For the highest derivatives, even where there is a form that divides by nothing.
-    curves : which inputs are curves (`Prepared.curves`)
 
     Raises
     ------
@@ -274,16 +269,14 @@ def equations_of_motion(
     from lmoc.symbolic.motion import accelerations, derive
 
     values = reduced.values if values is None else values
-    motion, outline = derive(reduced, values, forces, solved, curves)
-    refuse_rates([*motion.residuals, *motion.forces.values()], curves)
+    motion, outline = derive(reduced, values, forces, solved, named=True)
     if not solved:
         motion = replace(motion, residuals=tuple(_without_divided_signs(r) for r in motion.residuals))
     if max((r.count_ops() for r in motion.residuals), default=0) > MOST_OPERATIONS:
         hint = "`lmoc linearize` works in numbers"
         raise no_symbols(f"the equations of motion of {outline.name} are too long to be read", hint)
-    met = {s.name for value in (*motion.residuals, *motion.forces.values()) for s in value.free_symbols}
-    given = (u.name for u in outline.inputs if u.name not in curves or u.name in met)
-    late = [*given, *(q.name for q in motion.coordinates)]
+    curves = _curves_in((*motion.residuals, *motion.forces.values()), reduced)
+    late = [*(u.name for u in outline.inputs), *curves, *(q.name for q in motion.coordinates)]
     drivers = _drivers(reduced.flat, motion)
     equations = tuple(
         solved_equation(jet_symbol(q.name, n) - r, q, n)
@@ -292,7 +285,7 @@ def equations_of_motion(
         for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders, strict=True)
     )
     small = motion.forces and len(motion.coordinates) <= MOST_SOLVED
-    rates = accelerations(symbolic_system(reduced, values, most=MOST_TERMS)) if small else {}
+    rates = accelerations(derive(reduced, values, solved=True, named=True)[0]) if small else {}
     found = {name: _shortest(value, rates, late) for name, value in motion.forces.items()}
     occurring = [e.residual for e in equations] + list(found.values())
     notation = Notation.of(*occurring, names=found, late=late, given={**outline.own_names, **motion.own_names})
@@ -305,7 +298,7 @@ def equations_of_motion(
         descriptions=_descriptions(flat, notation.short),
         assumptions=outline.assumptions,
         undetermined=tuple(flat.variable_name(int(v)) for v in reduced.undetermined) if forces else (),
-        curves={name: curves[name] for name in curves if name in met},
+        curves=curves,
     )
 
 
@@ -322,7 +315,7 @@ def equations_in_short(prepared: Prepared, release: Callable[[], Reduced]) -> Eq
         E0660: there are none that could be read.
     """
     try:
-        return equations_of_motion(prepared.reduced, prepared.values, curves=prepared.curves)
+        return equations_of_motion(prepared.reduced, prepared.values)
     except ModelError as refused:
         if prepared.reduced.invariants is None:
             raise
@@ -333,7 +326,6 @@ def equations_in_short(prepared: Prepared, release: Callable[[], Reduced]) -> Eq
         found = equations_with_closures(released, prepared.values)
         if found is None:
             raise
-        refuse_rates((e.residual for e in found.equations), prepared.curves)
         return found
 
 
@@ -354,7 +346,8 @@ def equations_with_closures(reduced: Reduced, values: np.ndarray) -> EquationsOf
         return None
     motion, outline = found.motion, found.outline
     multipliers = [m.name for m in found.multipliers]
-    late = [*(u.name for u in outline.inputs), *multipliers, *(q.name for q in motion.coordinates)]
+    curves = _curves_in(motion.residuals, reduced)
+    late = [*(u.name for u in outline.inputs), *curves, *multipliers, *(q.name for q in motion.coordinates)]
     equations = tuple(
         sorted_equation(r, q, n, motion.coordinates, late)
         for r, q, n in zip(motion.residuals, motion.coordinates, motion.orders, strict=True)
@@ -371,7 +364,13 @@ def equations_with_closures(reduced: Reduced, values: np.ndarray) -> EquationsOf
             g if reduced.flat.find(m.name) is None else _without_factors(g, motion.coordinates)
             for g, m in zip(found.closures, found.multipliers, strict=True)
         ),
+        curves=curves,
     )
+
+
+def _curves_in(values: Iterable[sympy.Expr], reduced: Reduced) -> dict[str, tuple[str, str]]:
+    met = {s.name for value in values for s in value.free_symbols}
+    return {name: own for name, own in named_curves(reduced.flat).names(reduced).items() if name in met}
 
 
 def _without_factors(closure: sympy.Expr, coordinates: Iterable[sympy.Symbol]) -> sympy.Expr:

@@ -44,7 +44,8 @@ class Kinematics:
         registers = [*reduced.states.tolist(), *reduced.quadratures.tolist()]
         held = {int(reduced.registers.variable[r]) for r in registers if reduced.registers.order[r] == 0}
         interpreter.fill([int(reduced.register_of[v]) for v in potentials if reduced.register_of[v] >= 0])
-        self.known = held | set(potentials)
+        self.curves = interpreter.curves
+        self.known = held | set(potentials) | (set() if self.curves is None else self.curves.over.keys())
 
     def _quadratures(self, reduced: Reduced) -> dict:
         names = [self.interpreter.w[int(r)] for r in reduced.quadratures]
@@ -64,20 +65,14 @@ class Kinematics:
         flat = self.interpreter.reduced.flat
         if flat.kind[variable] == Kind.INPUT:
             return jet_symbol(flat.variable_name(variable), 0)
+        if self.curves is not None and variable in self.curves.over:
+            return self.curves.symbol(variable)
         value = self._in_jets(self.interpreter.variable(variable))
         if not self._closures:
             return value
         if value not in self._shortest:
             self._shortest[value] = shortest(value, self._closures)
         return self._shortest[value]
-
-    def filled(self, name: str) -> sympy.Expr:
-        """Return the value of a variable by its name, whatever it is made of."""
-        reduced = self.interpreter.reduced
-        (variable,) = reduced.flat.find(name)
-        if reduced.register_of[variable] >= 0:
-            self.interpreter.fill([int(reduced.register_of[variable])])
-        return self.value(int(variable))
 
     def rate(self, value: sympy.Expr) -> sympy.Expr:
         """Total time derivative."""
@@ -93,6 +88,9 @@ class Kinematics:
             return self._quadrature[x]
         if x.name == "time":
             return sp.S.One
+        if self.curves is not None and x in self.curves.derivative_of:
+            curve, order = self.curves.derivative_of[x]
+            return self.curves.symbol(curve, order + 1) * self.rate(self._in_jets(self.interpreter.argument(curve)))
         base = x.name
         order = 0
         while base.startswith("der("):

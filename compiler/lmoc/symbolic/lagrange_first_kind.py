@@ -66,7 +66,7 @@ def derive_first_kind(reduced: Reduced, values: np.ndarray) -> FirstKind | None:
     own = reduced.invariants
     if own is None or (own.lower[1] < 0).any():
         return None
-    interpreter = SymbolicInterpreter(reduced, values, MOST_TERMS)
+    interpreter = SymbolicInterpreter(reduced, values, MOST_TERMS, named=True)
     outline = interpreter.outline()
     ports = ports_of_elements(reduced.flat)
     try:

@@ -45,7 +45,9 @@ class PartLaws:
     def __init__(self, flat: FlatDAE, kinematics: Kinematics):
         self.flat = flat
         self.kinematics = kinematics
-        self.rows = [(g, r) for g in flat.groups if g.origin not in BALANCES for r in range(g.rows)]
+        own = [(g, r) for g in flat.groups if g.origin not in BALANCES for r in range(g.rows)]
+        curves = kinematics.curves
+        self.rows = own if curves is None else [(g, r) for g, r in own if not curves.defined_by(g, r)]
         self._cause: dict[int, int] = {}  # variable -> the row that gives it
         self._value: dict[int, sympy.Expr] = {}
         self._plain: dict[tuple, bool] = {}

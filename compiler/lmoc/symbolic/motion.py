@@ -15,16 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.ir.reduced import Reduced
 from lmoc.support.records import dataclass
-from lmoc.symbolic.curve_rates import along
-from lmoc.symbolic.curves import Curves
-from lmoc.symbolic.elimination import MOST_TERMS
+from lmoc.symbolic.elimination import MOST_TERMS, eliminate
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.slope import slope
@@ -70,7 +67,7 @@ def derive(
     values: np.ndarray,
     forces: bool = False,
     solved: bool = False,
-    curves: Curves = MappingProxyType({}),
+    named: bool = False,
 ) -> tuple[Motion, Outline]:
     """Return the equations of motion of a reduced system.
 
@@ -79,19 +76,22 @@ def derive(
     reduced, values : as in `symbolic_system`
     forces : with the internal forces of ideal parts
     solved : the explicit form even where there is one that divides by nothing
-    curves : which inputs are curves (`Prepared.curves`)
+    named : curves through many points by their names
 
     Raises
     ------
     ModelError
         E0660 where the scene is too large, or has neither form.
     """
-    interpreter = SymbolicInterpreter(reduced, values, MOST_TERMS)
+    interpreter = SymbolicInterpreter(reduced, values, MOST_TERMS, named)
     outline = interpreter.outline()
-    found = None if solved else _balanced(interpreter, outline, values, forces, curves)
+    by_power = not solved or bool(interpreter.curves and interpreter.curves.over)  # no case of a curve stands in these
+    found = _balanced(interpreter, outline, values, forces) if by_power else None
+    if found is not None and solved:
+        found = _solved(found)
     if found is not None:
         return replace(found, values=dict(interpreter.parameters.used)), outline
-    return explicit(symbolic_system(reduced, values, most=MOST_TERMS)), outline
+    return explicit(symbolic_system(reduced, values, most=MOST_TERMS, named=named)), outline
 
 
 def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
@@ -127,9 +127,7 @@ def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
     )
 
 
-def _balanced(
-    interpreter: SymbolicInterpreter, outline: Outline, values: np.ndarray, forces: bool, curves: Curves
-) -> Motion | None:
+def _balanced(interpreter: SymbolicInterpreter, outline: Outline, values: np.ndarray, forces: bool) -> Motion | None:
     """Equations that divide by nothing that moves; None where there are not enough of them."""
     ports = ports_of_elements(interpreter.reduced.flat)
     try:
@@ -139,9 +137,7 @@ def _balanced(
         residuals = _independent(kinematics, trial, _candidates(kinematics, laws, ports, trial))
         if residuals is None:
             return None
-        residuals = tuple(along(residuals, kinematics, curves))
         found, own = _reactions(laws, set(interpreter.reduced.undetermined.tolist())) if forces else ({}, {})
-        found = dict(zip(found, along(found.values(), kinematics, curves), strict=True))
     except (NoSymbolsError, NotLinearError):
         return None
     return Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), residuals, found, True, own)
@@ -328,11 +324,27 @@ def _telling(flat, unknown: list[int]) -> list[int]:
     return own or forces or at_ports
 
 
-def accelerations(system: SymbolicSystem) -> dict[sympy.Symbol, sympy.Expr]:
-    """The highest derivative of each coordinate, solved."""
-    solved = explicit(system)
-    highest = [jet_symbol(q.name, n) for q, n in zip(solved.coordinates, solved.orders, strict=True)]
-    return {x: x - residual for x, residual in zip(highest, solved.residuals, strict=True)}
+def accelerations(solved: Motion) -> dict[sympy.Symbol, sympy.Expr]:
+    """The highest derivative of each coordinate, from solved equations."""
+    return {x: x - residual for x, residual in zip(_highest(solved), solved.residuals, strict=True)}
+
+
+def _highest(motion: Motion) -> list[sympy.Symbol]:
+    return [jet_symbol(q.name, n) for q, n in zip(motion.coordinates, motion.orders, strict=True)]
+
+
+def _solved(motion: Motion) -> Motion | None:
+    """Equations by virtual power, solved for the highest derivatives; None where that takes too many terms."""
+    import sympy as sp
+
+    highest = _highest(motion)
+    rows = [{i: slope(r, x) for i, x in enumerate(highest) if r.has(x)} for r in motion.residuals]
+    found = eliminate(rows, most=MOST_TERMS)
+    if found.conditions or len(found.solution) < len(highest):
+        return None
+    right = [-r.xreplace(dict.fromkeys(highest, sp.S.Zero)) for r in motion.residuals]
+    residuals = tuple(x - _total(found.solution[i], right) for i, x in enumerate(highest))
+    return replace(motion, residuals=residuals, forces={}, balanced=False)
 
 
 def explicit(system: SymbolicSystem) -> Motion:

@@ -20,7 +20,7 @@ from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.records import dataclass
-from lmoc.symbolic.curves import MOST_CASES, cases
+from lmoc.symbolic.curves import MOST_CASES, NamedCurves, cases, named_curves
 from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.jumps import has_cases
 from lmoc.symbolic.parameters import ParameterSymbols
@@ -130,7 +130,7 @@ def jet_symbol(name: str, order: int) -> sympy.Symbol:
     return sp.Symbol("der(" * order + name + ")" * order)
 
 
-def _check_size(reduced: Reduced) -> None:
+def _check_size(reduced: Reduced, curves: NamedCurves | None) -> None:
     count, states = reduced.flat.equation_count, len(reduced.states)
     if count > MOST_EQUATIONS or states > MOST_STATES:
         raise no_symbols(
@@ -138,7 +138,8 @@ def _check_size(reduced: Reduced) -> None:
             hint="a linear model in numbers has no such limit: `lmoc linearize`",
         )
     for group in reduced.flat.groups:
-        if (count := cases(group)) > MOST_CASES:
+        named = curves is not None and all(curves.defined_by(group, row) for row in range(group.rows))
+        if (count := cases(group)) > MOST_CASES and not named:
             raise no_symbols(
                 f"'{reduced.flat.variable_name(int(group.slots[0, 0]))}' is a curve through many points: "
                 f"an equation with {count} conditions",
@@ -161,6 +162,7 @@ def symbolic_system(
     values: np.ndarray | None = None,
     variables: Sequence[str] | Mapping[str, int] = (),
     most: float = math.inf,
+    named: bool = False,
 ) -> SymbolicSystem:
     """Interpret a reduced system in SymPy.
 
@@ -172,6 +174,7 @@ def symbolic_system(
     variables : names, or {name: flat variable}
         Flat variables whose expressions are wanted too.
     most : terms of a coefficient in what is solved, where a person is to read it
+    named : curves through many points by their names
 
     Raises
     ------
@@ -179,7 +182,7 @@ def symbolic_system(
         E0660 where the scene is too large, or implicit equations have no closed solution.
     """
     flat = reduced.flat
-    interpreter = SymbolicInterpreter(reduced, reduced.values if values is None else values, most)
+    interpreter = SymbolicInterpreter(reduced, reduced.values if values is None else values, most, named)
     interpreter.run(reduced.rhs)
     outputs = _outputs(flat)
     wanted = [(flat.variable_name(v), v) for v in outputs] + _named(flat, variables)
@@ -228,10 +231,12 @@ class SymbolicInterpreter:
     parameters : ParameterSymbols
     input_symbols : {input: (input, der(input), …)}
     most : terms of a coefficient in what is solved, where a person is to read it
+    curves : those that stand for themselves, by their names; None where their pieces are written out
     """
 
-    def __init__(self, reduced: Reduced, values: np.ndarray, most: float = math.inf):
-        _check_size(reduced)
+    def __init__(self, reduced: Reduced, values: np.ndarray, most: float = math.inf, named: bool = False):
+        self.curves = named_curves(reduced.flat) if named else None
+        _check_size(reduced, self.curves)
         self.reduced, self.most = reduced, most
         self.parameters = ParameterSymbols(reduced.flat, values)
         self.w: dict[int, sympy.Expr] = {}
@@ -252,6 +257,13 @@ class SymbolicInterpreter:
             jets = tuple(jet_symbol(name, k) for k in range(highest.get(v, 0) + 1))
             self.input_symbols[jets[0]] = jets
         self.run(reduced.parameter_program)
+
+    @cached_property
+    def _curve_of(self) -> dict[int, tuple[int, int]]:
+        """{variable of a register: (curve that is the same, order of its register)}."""
+        table = self.reduced.registers
+        own = [] if self.curves is None else [(v, int(self.reduced.register_of[v])) for v in self.curves.over]
+        return {int(table.variable[r]): (v, int(table.order[r])) for v, r in own if r >= 0}
 
     def outline(self) -> Outline:
         """States, coordinates and inputs; no program is run for it."""
@@ -294,7 +306,8 @@ class SymbolicInterpreter:
         if isinstance(step, Apply):
             for row, out in zip(step.slots.tolist(), step.out.tolist(), strict=True):
                 if again or out not in self.w:
-                    self.w[out] = lower(step.shape, lambda k, _, row=row: self.w[row[k]])
+                    named = self._along_a_curve(out)
+                    self.w[out] = lower(step.shape, lambda k, _, row=row: self.w[row[k]]) if named is None else named
         elif isinstance(step, Total):
             for i, out in enumerate(step.out.tolist()):
                 if again or out not in self.w:
@@ -303,6 +316,31 @@ class SymbolicInterpreter:
                     self.w[out] = sum((_times(c, self.w[r]) for r, c in terms), start=_zero())
         elif again or any(r not in self.w for r in np.ravel(step.unknowns).tolist()):
             self._solve(step)
+
+    def _along_a_curve(self, register: int) -> sympy.Expr | None:
+        """Return the symbol of a curve, or its rate by the chain rule; None for what is no curve."""
+        table = self.reduced.registers
+        curve, lowest = self._curve_of.get(int(table.variable[register]), (-1, 0))
+        if self.curves is None or curve < 0:
+            return None
+        order = int(table.order[register]) - lowest
+        if order == 0:
+            return self.curves.symbol(curve)
+        jets = [self._rate_of(self.curves.over[curve], n) for n in range(1, order + 1)]
+        return None if None in jets else self.curves.rate(curve, order, lambda n: jets[n - 1])
+
+    def argument(self, curve: int) -> sympy.Expr:
+        """Return what a curve goes over."""
+        assert self.curves is not None, "there are no named curves"
+        over = self.curves.over[curve]
+        self.fill([int(r) for r in self.reduced.register_of[[over]] if r >= 0])
+        return self.variable(over)
+
+    def _rate_of(self, variable: int, order: int) -> sympy.Expr | None:
+        """Return a rate of a variable that has a register of its own, as computed so far."""
+        table, own = self.reduced.registers, int(self.reduced.register_of[variable])
+        same = (table.variable == table.variable[own]) & (table.order == table.order[own] + order)
+        return next((self.w[r] for r in np.flatnonzero(same).tolist() if r in self.w), None) if own >= 0 else None
 
     def _solve(self, step: Solve) -> None:
         """Solve blocks that are alike; `inner` computes the residuals of all of them."""

@@ -68,13 +68,17 @@ class Trial:
         """Return the value of an expression at the point; symbols that are met first get numbers."""
         import sympy as sp
 
-        variable = self._interpreter.parameters.variable
         for s in sorted(value.free_symbols - self._point.keys(), key=lambda s: s.name):
-            known = s in variable
-            new = self._values[variable[s]] if known else self._generator.uniform(0.2, 0.9)
-            self._point[s] = sp.Float(float(new), 17)
+            self._point[s] = sp.Float(float(self._met_first(s)), 17)
         found = sp.sympify(value).xreplace(self._point).evalf(17)
         return float(found) if found.is_real else float("nan")
+
+    def _met_first(self, symbol: sympy.Symbol) -> float:
+        curves, variable = self._interpreter.curves, self._interpreter.parameters.variable
+        if curves is not None and symbol in curves.derivative_of:
+            at = self.number(self._interpreter.argument(curves.derivative_of[symbol][0]))
+            return curves.number(symbol, at, self._values)
+        return self._values[variable[symbol]] if symbol in variable else self._generator.uniform(0.2, 0.9)
 
     def vanishes(self, value: sympy.Expr) -> bool:
         """Return whether an expression is zero but for the rounding of its terms."""

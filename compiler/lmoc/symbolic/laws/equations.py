@@ -14,7 +14,7 @@ from lmoc.ir.law import LawKind, Laws
 from lmoc.ir.mode import mode_word
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.support.records import dataclass
-from lmoc.symbolic.curves import Curves
+from lmoc.symbolic.curves import named_curves
 from lmoc.symbolic.equations import (
     NOTHING_MOVES,
     EquationsOfMotion,
@@ -149,7 +149,7 @@ class EquationsOfModes:
     laws: tuple[LawText, ...]
     notation: Notation
     more: int = 0
-    curves: Curves = field(default_factory=dict)
+    curves: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     @property
     def coordinates(self) -> tuple[str, ...]:
@@ -250,7 +250,7 @@ def equations_of_modes(
         forward = scene.jenkins & ~closed & ~scene.complementary  # whose velocity follows from the rate of its force
         mode = scene.in_mode(closed, forward.astype(int))
         if forces or solved:
-            equations = equations_of_motion(mode.reduced, mode.values, forces, solved, mode.curves)
+            equations = equations_of_motion(mode.reduced, mode.values, forces, solved)
         else:
             equations = equations_in_short(mode, partial(scene.release, mode.reduced))
         words = scene.words(closed)
@@ -260,7 +260,7 @@ def equations_of_modes(
     symbols = [law.force for law in laws] + [v for law in laws for v in law.quantities.values()]
     late = list(dict.fromkeys(q for m in found for q in m.equations.coordinates))
     notation = Notation.of(*symbols, late=late, given=own_names)
-    more, curves = max(0, len(modes) - MOST_MODES), scene.prepared.curves
+    more, curves = max(0, len(modes) - MOST_MODES), named_curves(scene.flat).names(scene.prepared.reduced)
     return EquationsOfModes(scene.flat.name, tuple(found), laws, notation, more, curves)
 
 
@@ -284,7 +284,7 @@ def _laws(scene: Lawful) -> tuple[tuple[LawText, ...], Mapping[str, str]]:
             rows.append((g, row))
             columns.append({n: int(c[row]) for n, c in named.items() if c is not None})
     wanted = {f"{k} {n}": v for k, own in enumerate(columns) for n, v in own.items()}
-    system = symbolic_system(loose.reduced, loose.values, wanted)
+    system = symbolic_system(loose.reduced, loose.values, wanted, named=True)
     rates = {system.states[v]: jet_symbol(system.states[q].name, 1) for q, v in system.coordinates if v >= 0}
     pushes = {sp.Symbol(loose.flat.variable_name(int(p))): f for p, f in zip(form.push, _forces(scene), strict=True)}
     pushes |= {jet_symbol(push.name, 1): jet_symbol(force.name, 1) for push, force in pushes.items()}

@@ -92,7 +92,7 @@ class Lawful:
         direction = np.zeros(self.count, int) if direction is None else direction
         flat = with_mode(self.flat, closed, direction)
         values = self.prepared.values
-        return Prepared(flat, self.reduce(flat, values, None), values, curves=self.prepared.curves)
+        return Prepared(flat, self.reduce(flat, values, None), values)
 
     def loose(self) -> tuple[Prepared, Switched]:
         """Return the scene with all laws open and their forces as inputs, and where these are.

@@ -47,10 +47,8 @@ def page_equations(run: Result) -> PageEquations:
     closed = sum(step.unknowns.size for step in run.reduced.rhs if isinstance(step, Solve) and not step.linear)
     if closed > MOST_CLOSED:
         return PageEquations(f"<p>Not derived for the page: {closed} variables follow from the closing of loops.</p>")
-    from lmoc.symbolic.curves import with_named_curves
-
     try:
-        prepared = with_named_curves(_as_written(run), _reduced)
+        prepared = _as_written(run)
         return _of_modes(prepared, run) if prepared.flat.laws else _of_motion(prepared)
     except ModelError as error:
         return PageEquations(f"<p>None that could be read: {escape(error.diagnostics[0].message)}.</p>")
