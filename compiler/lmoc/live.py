@@ -291,21 +291,25 @@ class _Smooth:
         return True
 
     def _reach(self, target: float) -> bool:
+        try:
+            status = self._step_to(target)
+        except KeyboardInterrupt:  # wherever it strikes, within a step or between two
+            if not budget.interrupted():
+                raise
+            status = Status.SPENT
+        if status not in (Status.OK, Status.STIFF):
+            raise SimulationError(f"the run stopped at t = {self.run.t:.6g} s: {status.value}", self.run.t)
+        return status is Status.OK
+
+    def _step_to(self, target: float) -> Status:
         run = self.run
         run.end, begin = target, run.t
         while run.t < target:
-            try:
-                status = run.step()
-            except KeyboardInterrupt:
-                if not budget.interrupted():
-                    raise
-                status = Status.SPENT
-            if status is Status.STIFF:
-                return False
-            budget.reached((run.t - begin) / (target - begin))
+            status = run.step()
             if status is not Status.OK:
-                raise SimulationError(f"the run stopped at t = {run.t:.6g} s: {status.value}", run.t)
-        return True
+                return status
+            budget.reached((run.t - begin) / (target - begin))
+        return Status.OK
 
     def _look_ahead(self, target: float) -> None:
         """Look at what depends on time alone, as far as some steps like the present one reach."""

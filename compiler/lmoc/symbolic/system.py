@@ -263,7 +263,7 @@ class SymbolicInterpreter:
         """{variable of a register: (curve that is the same, order of its register)}."""
         table = self.reduced.registers
         own = [] if self.curves is None else [(v, int(self.reduced.register_of[v])) for v in self.curves.over]
-        return {int(table.variable[r]): (v, int(table.order[r])) for v, r in own if r >= 0}
+        return {int(table.variable[r]): (v, int(table.order[r])) for v, r in own if r >= 0 and table.variable[r] >= 0}
 
     def outline(self) -> Outline:
         """States, coordinates and inputs; no program is run for it."""
@@ -320,9 +320,10 @@ class SymbolicInterpreter:
     def _along_a_curve(self, register: int) -> sympy.Expr | None:
         """Return the symbol of a curve, or its rate by the chain rule; None for what is no curve."""
         table = self.reduced.registers
-        curve, lowest = self._curve_of.get(int(table.variable[register]), (-1, 0))
-        if self.curves is None or curve < 0:
+        variable = int(table.variable[register]) if register < table.count else -1  # closures have further ones
+        if self.curves is None or variable not in self._curve_of:
             return None
+        curve, lowest = self._curve_of[variable]
         order = int(table.order[register]) - lowest
         if order == 0:
             return self.curves.symbol(curve)
