@@ -25,7 +25,8 @@ page is made by `docs/make_modelica.py`.
 published: FOLDER holds `Modelica/package.mo`, `Complex.mo`, …. In Python: `lmoc.compile("Modelica.….First",
 path=FOLDER)`. Files are read when a name first needs them.
 What the library leaves to C or to loops over values that change stands in lmo in
-`stdlib/modelica.mo`, under the library's own names: tables, generators of random numbers. The seed that
+`stdlib/modelica.mo`, under the library's own names: tables, generators of random numbers,
+linear equations and least squares of LAPACK (`dgesv`, `dgesv_vec`, `dgglse_vec`), `Streams.error`. The seed that
 `automaticGlobalSeed` gives is the same in each run, as all that lmoc computes; other seeds give other noise. The
 generator with a state of its own (`impureRandom`) is refused. Units that do not fit within a library are warnings
 (W0303). What a package has written (kinks, open ends, guesses of starts, assertions in functions) is told of its own

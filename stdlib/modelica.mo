@@ -22,6 +22,84 @@ package Modelica "Elements of Modelica's library that its own text leaves to C, 
         end for;
       end interpolate;
     end Vectors;
+    package Matrices
+      package LAPACK
+        function dgesv "Solve linear equations with several right sides, by Gauss's elimination with pivots by columns"
+          input Real A[:, size(A, 1)];
+          input Real B[size(A, 1), :];
+          output Real X[size(A, 1), size(B, 2)];
+          output Integer info "0, or the column without a pivot";
+        protected
+          Integer n = size(A, 1);
+          Real M[size(A, 1), size(A, 1)] = A;
+          Real row[size(A, 1)];
+          Real right[size(B, 2)];
+          Real f;
+          Integer p;
+        algorithm
+          X := B;
+          info := 0;
+          for k in 1:n loop
+            p := k;
+            for i in k + 1:n loop
+              if abs(M[i, k]) > abs(M[p, k]) then
+                p := i;
+              end if;
+            end for;
+            if M[p, k] == 0 then
+              info := k;
+              return;
+            end if;
+            row := M[p, :];
+            right := X[p, :];
+            M[p, :] := M[k, :];
+            X[p, :] := X[k, :];
+            M[k, :] := row;
+            X[k, :] := right;
+            for i in k + 1:n loop
+              f := M[i, k]/M[k, k];
+              M[i, :] := M[i, :] - f*row;
+              X[i, :] := X[i, :] - f*right;
+            end for;
+          end for;
+          for k in n:-1:1 loop
+            for j in k + 1:n loop
+              X[k, :] := X[k, :] - M[k, j]*X[j, :];
+            end for;
+            X[k, :] := X[k, :]/M[k, k];
+          end for;
+        end dgesv;
+        function dgesv_vec "Solve linear equations"
+          input Real A[:, size(A, 1)];
+          input Real b[size(A, 1)];
+          output Real x[size(A, 1)];
+          output Integer info;
+        protected
+          Real X[size(A, 1), 1];
+        algorithm
+          (X, info) := dgesv(A, matrix(b));
+          x := X[:, 1];
+        end dgesv_vec;
+        function dgglse_vec "Find the x with B*x = d that minimizes |A*x - c|: x, what A*x misses, and multipliers in one system"
+          input Real A[:, :];
+          input Real c[size(A, 1)];
+          input Real B[:, size(A, 2)];
+          input Real d[size(B, 1)];
+          output Real x[size(A, 2)];
+          output Integer info;
+        protected
+          Integer m = size(A, 1);
+          Integer n = size(A, 2);
+          Integer p = size(B, 1);
+          Real found[size(A, 1) + size(A, 2) + size(B, 1)];
+        algorithm
+          (found, info) := dgesv_vec(
+            [identity(m), A, zeros(m, p); transpose(A), zeros(n, n), transpose(B); zeros(p, m), B, zeros(p, p)],
+            cat(1, c, zeros(n), d));
+          x := found[m + 1:m + n];
+        end dgglse_vec;
+      end LAPACK;
+    end Matrices;
     package Random
       package Generators
         package Xorshift64star
@@ -69,6 +147,13 @@ package Modelica "Elements of Modelica's library that its own text leaves to C, 
     end Random;
   end Math;
   package Utilities
+    package Streams
+      function error "End with a message"
+        input String string;
+      algorithm
+        assert(false, string);
+      end error;
+    end Streams;
     package Strings
       function hashString "A whole number for a text"
         input String string;

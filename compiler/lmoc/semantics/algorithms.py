@@ -251,11 +251,6 @@ class _Section(Algorithm):
         else:
             self._effect(s)
 
-    def _effect(self, s: tree.CallStatement) -> None:
-        """A function without results, which is called for its assertions."""
-        if call_all(self.context, s.call):
-            raise Wrong("E0203", f"'{s.call.function}' has no effect: its results are assigned to nothing", s.span)
-
 
 def _name(ref: tree.Ref) -> str:
     return ".".join(part.name for part in ref.parts)

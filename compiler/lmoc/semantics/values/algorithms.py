@@ -137,8 +137,15 @@ class Algorithm:
             raise _Break
         elif isinstance(s, tree.CallStatement) and str(s.call.function) == "assert":
             self._assert(s)
+        elif isinstance(s, tree.CallStatement):
+            self._effect(s)
         else:
             raise Wrong("E0230", "this statement is not available in functions yet", s.span)
+
+    def _effect(self, s: tree.CallStatement) -> None:
+        """A function without results, which is called for its assertions."""
+        if self.call_all(self.context, s.call):
+            raise Wrong("E0203", f"'{s.call.function}' has no effect: its results are assigned to nothing", s.span)
 
     def _assert(self, s: tree.CallStatement) -> None:
         """Looked at here where the condition is known; what changes while it runs is not."""
