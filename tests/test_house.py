@@ -195,8 +195,8 @@ CASADI = {
 KERNELS = {  # who makes kernels of tapes; everybody else asks these
     "lmoc.engine.instant",
     "lmoc.engine.kernel",
-    "lmoc.numerics.coordinates.bounds_kernel",
     "lmoc.numerics.coordinates.entries",
+    "lmoc.numerics.coordinates.judge",
     "lmoc.numerics.evaluate.at_points",
     "lmoc.numerics.evaluate.engine_system",
     "lmoc.numerics.evaluate.function",

@@ -139,7 +139,7 @@ def test_steps_that_hardly_get_on_end_a_run_near_a_singular_position(monkeypatch
     stuck, found = CoordinateWatch.stuck, []
 
     def near(watch, crawling):
-        watch.accepted.__dict__["margin"] = margin
+        watch.accepted.head[3] = margin
         found.append(stuck(watch, crawling))
         raise Crawled
 

@@ -1,50 +1,39 @@
-"""Certificates of steps: bounds are on the safe side, and certified runs are those that are looked at in full."""
+"""The judge of coordinates: what it sees is what numpy sees, and steps judged in C are those judged one by one."""
 
 import numpy as np
 import pytest
 from conftest import ROOT
 
 import lmoc
-from lmoc.numerics.coordinates import watch
 from lmoc.numerics.coordinates.tableau import rank_margin
+from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.steps import loop
 from lmoc.numerics.steps.loop import Loop
 
 SCENES = ["classic/andrews", "classic/car_axis", "planar/four_bar", "planar/slider_crank"]
 
 
-def certified_looks(scene: str, monkeypatch) -> list[tuple]:
-    """Run a scene; what has been seen at the end of each step whose bounds have been looked at."""
-    seen: list[tuple] = []
-    judge = watch.CoordinateWatch._is_certain
-
-    def recorded(self, place):
-        if self._bounds is not None:
-            begin = self.accepted.matrix * self._sizes.factor
-            seen.append((self._bounds, place, begin, self.constraints.watched, ~self.barred))
-        return judge(self, place)
-
-    monkeypatch.setattr(watch.CoordinateWatch, "_is_certain", recorded)
-    monkeypatch.setattr(watch.CoordinateWatch, "enter", lambda *_: None)
-    lmoc.compile(ROOT / f"models/{scene}.lmo").simulate(rtol=1e-7)
-    return seen
-
-
 @pytest.mark.parametrize("scene", SCENES)
-def test_bounds_are_those_of_the_whole_matrix(scene, monkeypatch):
-    seen = certified_looks(scene, monkeypatch)
-    assert len(seen) > 10
-    for (worst, sign, least, change, _, grown), place, begin, watched, counted in seen:
-        exact, rows = rank_margin(place.scaled), len(place.matrix)
-        assert 0.85 * exact <= least <= exact * (1 + 1e-9)
-        assert change == pytest.approx(np.linalg.norm(place.scaled - begin), rel=1e-9, abs=1e-14)
+def test_a_place_is_seen_as_by_numpy(scene, monkeypatch):
+    """Its tableau, the sign of its determinant, and its smallest singular value with what that is not below."""
+    judge, seen = CoordinateWatch.__call__, 0
+
+    def compared(self, t, x):
+        nonlocal seen
+        found, place = judge(self, t, x), self.last
+        rows, seen = self.constraints.rows, seen + 1
         dependent, states = place.matrix[:, :rows], place.matrix[:, rows:]
-        assert sign == np.sign(np.linalg.det(dependent))
-        np.testing.assert_allclose(
-            place.found.plain, np.linalg.solve(dependent, states)[watched], rtol=1e-8, atol=1e-10
-        )
-        assert worst == pytest.approx(place.found.worst(counted), rel=1e-9)
-        assert grown <= 0
+        truth = np.linalg.solve(dependent, states)[self.constraints.watched]
+        assert place.sign == np.sign(np.linalg.det(dependent))
+        np.testing.assert_allclose(place.table, truth, rtol=1e-8, atol=1e-10)
+        exact = rank_margin(place.matrix * self.judge.row_factor[:, None] * self.judge.column_factor)
+        assert place.head[2] <= exact * (1 + 1e-9) and self.judge.margin(place) == pytest.approx(exact, rel=1e-9)
+        return found
+
+    monkeypatch.setattr(CoordinateWatch, "__call__", compared)
+    monkeypatch.setattr(CoordinateWatch, "enter", lambda *_: None)
+    lmoc.compile(ROOT / f"models/{scene}.lmo").simulate(rtol=1e-7)
+    assert seen > 10
 
 
 @pytest.mark.parametrize("solver", ["dop853", "taylor"])
@@ -87,10 +76,10 @@ def test_output_for_which_there_is_no_room_in_a_batch_comes_with_the_next(option
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_a_certified_run_is_the_one_that_is_looked_at_in_full(scene, monkeypatch):
+def test_a_run_judged_in_c_is_the_one_whose_places_are_filled_in_python(scene, monkeypatch):
     dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
     run = dae.simulate(points=50, rtol=1e-7, solver="dop853")
-    monkeypatch.setattr(watch, "parts_of", lambda *_: None)
+    monkeypatch.setattr(CoordinateWatch, "_made_in_c", lambda *_: None)
     other = dae.simulate(points=50, rtol=1e-7, solver="dop853")
     assert run.coordinates == other.coordinates
     for name in dae.states:

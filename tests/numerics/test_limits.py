@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lmoc
-from lmoc.numerics.coordinates.tableau import equilibrated
+from lmoc.numerics.coordinates.equilibration import equilibrated
 from lmoc.numerics.laws.complementarity import FREE, UPPER
 from lmoc.numerics.laws.cones import Friction, solve_with_cones
 from lmoc.numerics.observe.recorder import _is_same
@@ -47,7 +47,7 @@ def test_an_output_time_just_before_an_event_is_that_of_the_event(apart, same):
 @pytest.mark.parametrize("share, counts", [(5e-13, False), (5e-12, True)])
 def test_entries_that_rounding_has_left_do_not_count(share, counts):
     """NO_ENTRY: a column of them is none, and keeps the factor 1."""
-    _, columns = equilibrated(np.array([[1.0, share], [1.0, share]]))
+    _, columns, _ = equilibrated((2, 2), np.arange(4, dtype=np.int32), np.array([1.0, share, 1.0, share]))
     assert bool(columns[1] != 1.0) is counts
 
 

@@ -8,7 +8,7 @@ from conftest import ROOT
 from scipy.integrate import solve_ivp
 
 import lmoc
-from lmoc.numerics.coordinates import watch
+from lmoc.numerics.coordinates.local_places import LocalPlaces
 from lmoc.numerics.coordinates.tableau import rank_margin
 
 WINDOWS = ROOT / "models/classic/windows.lmo"
@@ -46,16 +46,17 @@ end Lift;
 
 
 def looks(n: int, stop: float, monkeypatch) -> tuple[list, lmoc.Result]:
-    """Run n windows; the form and the place of each look."""
-    seen, look = [], watch.CoordinateWatch._look
+    """Run n windows; the form of each look, its matrix, the scaled one, its tableau and margin, the tableau's rows."""
+    seen, look = [], LocalPlaces.see
 
-    def recorded(self, t, x):
-        place = look(self, t, x)
-        seen.append((self._form, place, self.constraints.watched))
-        return place
+    def recorded(self, place):
+        look(self, place)
+        dense, watched = self.form.dense, self._judge.watched
+        scaled = dense(self.sizes.scaled(place.matrix))
+        seen.append((self.form, dense(place.matrix), scaled, place.table.copy(), place.head[3], watched))
 
     with monkeypatch.context() as patched:
-        patched.setattr(watch.CoordinateWatch, "_look", recorded)
+        patched.setattr(LocalPlaces, "see", recorded)
         run = lmoc.compile(WINDOWS, parameters={"N": n}).simulate(stop=stop, points=31)
     return seen, run
 
@@ -64,14 +65,12 @@ def test_blocks_are_windows_and_say_what_the_whole_matrix_says(monkeypatch):
     """Twelve windows through their first singular position, at 0.72 s; (13/3 + 12)·θ'' = -(13/2 + 12)·g·cos θ."""
     seen, run = looks(12, 1.0, monkeypatch)
     assert len(seen) > 10
-    for form, place, watched in seen:
+    for form, matrix, scaled, table, margin, watched in seen:
         assert form.sizes == 12 * [6]
-        matrix = form.dense(place.matrix)
         rows = len(matrix)
         dependent, states = matrix[:, :rows], matrix[:, rows:]
-        assert place.found.sign in (1.0, -1.0)
-        assert place.found.plain == pytest.approx(np.linalg.solve(dependent, states)[watched], rel=1e-7, abs=1e-9)
-        assert place.margin >= rank_margin(form.dense(place.scaled)) * (1 - 1e-9)
+        assert table == pytest.approx(np.linalg.solve(dependent, states)[watched], rel=1e-7, abs=1e-9)
+        assert margin >= rank_margin(scaled) * (1 - 1e-9)
     assert [n.message.split(" was")[0] for n in run.notes if n.code == "N0633"] == ["a singular position"]
     ratio = (13 / 2 + 12) / (13 / 3 + 12) * 9.81
     exact = solve_ivp(lambda t, z: [z[1], -ratio * np.cos(z[0])], (0, 1), [np.pi / 2, -1], "DOP853", run.time,
@@ -82,9 +81,9 @@ def test_blocks_are_windows_and_say_what_the_whole_matrix_says(monkeypatch):
 
 def test_margin_is_that_of_one_window_however_many_there_are(monkeypatch):
     """The whole matrix comes nearer to dependence the more windows there are in a row; none of them does."""
-    (form, few, _), (larger, many, _) = (looks(n, 1e-3, monkeypatch)[0][0] for n in (4, 24))
-    assert rank_margin(larger.dense(many.scaled)) < 0.3 * rank_margin(form.dense(few.scaled))
-    assert many.margin == pytest.approx(few.margin, rel=0.2)
+    (_, _, few, _, margin, _), (_, _, many, _, of_many, _) = (looks(n, 1e-3, monkeypatch)[0][0] for n in (4, 24))
+    assert rank_margin(many) < 0.3 * rank_margin(few)
+    assert of_many == pytest.approx(margin, rel=0.2)
 
 
 def angles_of_a_lift(n: int, times: np.ndarray) -> np.ndarray:
@@ -160,14 +159,13 @@ def angles_of_a_closed_chain(start: np.ndarray, times: np.ndarray) -> np.ndarray
 def test_a_long_closed_chain_is_judged_by_its_closure(monkeypatch):
     """Most rows of its one loop determine the next bar's end whatever the position; two close it."""
     text, directions = closed_chain(60)
-    margins, look = [], watch.CoordinateWatch._look
+    margins, look = [], LocalPlaces.see
 
-    def recorded(self, t, x):
-        place = look(self, t, x)
-        margins.append((self._form.sizes, place.margin))
-        return place
+    def recorded(self, place):
+        look(self, place)
+        margins.append((self.form.sizes, place.head[3]))
 
-    monkeypatch.setattr(watch.CoordinateWatch, "_look", recorded)
+    monkeypatch.setattr(LocalPlaces, "see", recorded)
     dae = lmoc.compile_text(text)
     run = dae.simulate(stop=0.15, points=6, rtol=1e-8)
     assert len(dae.states) == 2 * 58

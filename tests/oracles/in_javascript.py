@@ -22,6 +22,7 @@ class Repeated:
     reason: str
     steps: int
     events: list[dict]
+    changes: list[float]  # s, of coordinates
 
 
 def in_engine(module: str) -> str:
@@ -42,12 +43,15 @@ def repeat(cases: list[tuple[object, Script, list[list[float]]]]) -> list[Repeat
         variables = variables[script.registers[variables] >= 0]
         wanted = script.registers[variables].tolist()
         names.append([run.flat.variable_name(int(v)) for v in variables])
-        call = f"simulate(scene, {json.dumps(changed)}, {json.dumps(run.time.tolist())}, {json.dumps(wanted)})"
-        parts.append(program(script, f"const r = {call};\nr.columns = r.columns.map((c) => [...c]);\nout.push(r);"))
+        begun = f"const run = new Run(scene, {json.dumps(run.time.tolist())}, {json.dumps(wanted)}, {{}});"
+        result = f"{{ ...run.go({json.dumps(changed)}), changes: [...run.tried].map(parseFloat) }}"
+        body = f"{begun}\nconst r = {result};\nr.columns = r.columns.map((c) => [...c]);\nout.push(r);"
+        parts.append(program(script, body))
     text = "\n".join([in_engine("repeat.js"), "const out = [];", *parts])
     found = run_script(text + "\nconsole.log(JSON.stringify(out));")
+    told = "complete", "reason", "steps", "events", "changes"
     return [
-        Repeated(own, np.array(r["columns"], float).T, r["complete"], r["reason"], r["steps"], r["events"])
+        Repeated(own, np.array(r["columns"], float).T, *(r[name] for name in told))
         for own, r in zip(names, found, strict=True)
     ]
 

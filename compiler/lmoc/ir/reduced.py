@@ -84,6 +84,16 @@ class Constraints:
         """Number of rows, and of dependent coordinates."""
         return int(self.row.max()) + 1
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of rows and columns."""
+        return self.rows, len(self.variable)
+
+    @property
+    def place(self) -> np.ndarray:
+        """Return where each entry is added to in the matrix by rows."""
+        return self.row.astype(np.int64) * len(self.variable) + self.column
+
 
 @dataclass(frozen=True, eq=False)
 class Invariants:

@@ -170,7 +170,7 @@ static int polish(const problem *p, const scratch *s, int64_t count) {
   const int regular = lmoc_dense_inverse(count, s->scaled, s->pivots, 1 / DEPENDENT, s->inverse);
   if (!regular) {
     take_scaled(p, s, count);
-    lmoc_singular_values(count, s->scaled, s->vectors, s->values);
+    lmoc_singular_values(count, count, s->scaled, s->vectors, s->values);
   }
   for (int round = 0; round < 2; round++) { /* the second one refines */
     for (int64_t i = 0; i < count; i++) s->right[i] = s->scale[i] * row_of(p, s->free[i]);

@@ -88,8 +88,8 @@ void lmoc_dense_eliminate(int64_t rows, int64_t width, double *table, int64_t ro
   }
 }
 
-static void rotate(int64_t n, double *a, int64_t p, int64_t q, double cosine, double sine) {
-  for (int64_t i = 0; i < n; i++) {
+static void rotate(int64_t m, int64_t n, double *a, int64_t p, int64_t q, double cosine, double sine) {
+  for (int64_t i = 0; i < m; i++) {
     const double kept = a[i*n + p];
     a[i*n + p] = cosine * kept - sine * a[i*n + q];
     a[i*n + q] = sine * kept + cosine * a[i*n + q];
@@ -97,16 +97,16 @@ static void rotate(int64_t n, double *a, int64_t p, int64_t q, double cosine, do
 }
 
 /* By rotations of columns (M. R. Hestenes, Inversion of matrices by biorthogonalization, J. SIAM 6, 1958). */
-void lmoc_singular_values(int64_t n, double *u, double *v, double *values) {
+void lmoc_singular_values(int64_t m, int64_t n, double *u, double *v, double *values) {
   int turning = 1;
-  memset(v, 0, n * n * sizeof(double));
-  for (int64_t k = 0; k < n; k++) v[k*n + k] = 1;
+  if (v) memset(v, 0, n * n * sizeof(double));
+  for (int64_t k = 0; v && k < n; k++) v[k*n + k] = 1;
   for (int sweep = 0; turning && sweep < SWEEPS; sweep++) {
     turning = 0;
     for (int64_t p = 0; p < n; p++)
       for (int64_t q = p + 1; q < n; q++) {
         double a = 0, b = 0, c = 0;
-        for (int64_t i = 0; i < n; i++) {
+        for (int64_t i = 0; i < m; i++) {
           a += u[i*n + p] * u[i*n + p];
           b += u[i*n + q] * u[i*n + q];
           c += u[i*n + p] * u[i*n + q];
@@ -115,13 +115,13 @@ void lmoc_singular_values(int64_t n, double *u, double *v, double *values) {
         turning = 1;
         const double zeta = (b - a) / (2 * c), t = (zeta < 0 ? -1 : 1) / (fabs(zeta) + hypot(1, zeta));
         const double cosine = 1 / hypot(1, t);
-        rotate(n, u, p, q, cosine, cosine * t);
-        rotate(n, v, p, q, cosine, cosine * t);
+        rotate(m, n, u, p, q, cosine, cosine * t);
+        if (v) rotate(n, n, v, p, q, cosine, cosine * t);
       }
   }
   for (int64_t j = 0; j < n; j++) {
     double sum = 0;
-    for (int64_t i = 0; i < n; i++) sum += u[i*n + j] * u[i*n + j];
+    for (int64_t i = 0; i < m; i++) sum += u[i*n + j] * u[i*n + j];
     values[j] = sqrt(sum);
   }
 }

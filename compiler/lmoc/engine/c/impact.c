@@ -71,7 +71,7 @@ static void with_sides(const impulses *s) {
   }
   double *u = s->vectors + n * n;
   memcpy(u, s->matrix, n * n * sizeof(double));
-  lmoc_singular_values(n, u, s->vectors, s->values);
+  lmoc_singular_values(n, n, u, s->vectors, s->values);
   lmoc_least_squares(n, u, s->vectors, s->values, DBL_EPSILON * (double)n, s->right, s->exact);
 }
 

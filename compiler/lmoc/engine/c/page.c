@@ -87,7 +87,11 @@ static int look(void *own, double time, const double *x, int first) {
   return 0;
 }
 
-static void keep(void *own) { lmoc_mark(&((lmoc_page *)own)->call); }
+/* Where the choice of coordinates is judged, the judge marks what serves. */
+static void keep(void *own) {
+  lmoc_page *p = own;
+  if (!p->coordinates.held) lmoc_mark(&p->call);
+}
 
 static int64_t determinants(const lmoc_program *g) {
   int64_t count = 0;
@@ -126,6 +130,7 @@ lmoc_page *lmoc_page_new(const uint8_t *bytes, int size) {
   read_programs(p, &b);
   lmoc_page_read_events(p, &b);
   lmoc_page_read_laws(p, &b);
+  lmoc_page_read_coordinates(p, &b);
   if (b.failed || p->right >= p->program_count || !make_room(p) || !lmoc_page_reserve(RESERVE)) return 0;
   for (int64_t k = 0; k < p->program_count; k++) lmoc_put_constants(&p->programs[k].program, p->w);
   p->events.instant.v = p->events.instant.line = p->w;

@@ -114,4 +114,18 @@ void lmoc_page_law_values(lmoc_page *p, double time, double *out);
    it contradicts others; its gap; the law of impacts; whether it is a complementarity. */
 double lmoc_page_law(const lmoc_page *p, int k, int which);
 
+/* The choice of coordinates, watched from the state on; `sizes` are those of the entries of the constraints, (rows, columns),
+   with which they are compared. Whether it serves at the end of a step: 0; 1 where others are better by a margin, 2 where
+   the step has passed a place where it does not serve, 3 where constraints come to depend on each other. Better choices,
+   best first, as columns that are the states: how many, and where they stand. And where there are none, the longest step
+   with which to go on, 0 where that is none, and until when. */
+double *lmoc_page_sizes(lmoc_page *p);
+void lmoc_page_watch(lmoc_page *p, double time);
+int lmoc_page_judge(lmoc_page *p, double time);
+int lmoc_page_better(lmoc_page *p, int stuck);
+int32_t *lmoc_page_held(lmoc_page *p);
+void lmoc_page_tolerate(lmoc_page *p);
+double lmoc_page_shorter(lmoc_page *p, int stalled, double span);
+double lmoc_page_until(const lmoc_page *p);
+
 #endif

@@ -4,6 +4,7 @@
 #define LMOC_PAGE_SCENE_H
 
 #include "beside.h"
+#include "coordinates.h"
 #include "free_dynamics.h"
 #include "hops.h"
 #include "law_run.h"
@@ -43,6 +44,15 @@ typedef struct {
   lmoc_flag *which;
 } page_laws;
 
+/* Its choice of coordinates, where the run has changed it. */
+typedef struct {
+  lmoc_coordinates judge;
+  lmoc_step_watch watch;
+  int64_t program;                    /* the entries of the constraints */
+  double until;                       /* when steps are no longer to be shorter */
+  int32_t *held;                      /* (3 columns,) */
+} page_coordinates;
+
 struct lmoc_page {
   scene_program *programs;
   curve *curves;
@@ -60,10 +70,12 @@ struct lmoc_page {
   lmoc_finder finder;
   page_events events;
   page_laws laws;
+  page_coordinates coordinates;
 };
 
 /* Read the events behind the programs (`page_events.c`). */
 void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b);
 void lmoc_page_read_laws(lmoc_page *p, lmoc_bytes *b);      /* … and the laws behind them (`page_laws.c`) */
+void lmoc_page_read_coordinates(lmoc_page *p, lmoc_bytes *b); /* … and the choice of coordinates (`page_coordinates.c`) */
 
 #endif

@@ -127,7 +127,7 @@ int lmoc_rest(const lmoc_kinematics *k, const lmoc_contact *now, const lmoc_flag
   if (!u) return LMOC_NO_MEMORY;
   part_of(now, n, found, u);
   for (int64_t i = 0; i < m; i++) right[i] = -now->rate[found->which[i]];
-  lmoc_singular_values(m, u, v, values);
+  lmoc_singular_values(m, m, u, v, values);
   lmoc_least_squares(m, u, v, values, DBL_EPSILON * (double)m, right, found->impulse);
   free(u);
   return LMOC_SOLVED;

@@ -19,8 +19,9 @@ import numpy as np
 from lmoc.engine.sparse import SparseMatrix
 from lmoc.ir.program import Apply
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.equilibration import SparseEquilibration, largest_of
-from lmoc.numerics.coordinates.tableau import SHARE, VANISHING, rank_margin, stays_regular
+from lmoc.numerics.coordinates.equilibration import Equilibration, largest_of
+from lmoc.numerics.coordinates.limits import LIMITS
+from lmoc.numerics.coordinates.tableau import rank_margin, stays_regular
 from lmoc.numerics.plan.plan import Plan
 from lmoc.structure.blocks.blocks import blocks_of
 from lmoc.structure.blocks.tearing import tear
@@ -59,7 +60,7 @@ class LocalRows:
             return False
         for mine, others, least, own in zip(self.rows, other.rows, self.least, other.least, strict=True):
             change, both = np.linalg.norm(others - mine, axis=(1, 2)), least + own
-            for k in np.flatnonzero(~(change <= SHARE * both)):
+            for k in np.flatnonzero(~(change <= LIMITS.share * both)):
                 if not stays_regular(others[k] - mine[k], float(both[k])):
                     return False
         return True
@@ -141,7 +142,7 @@ class _Pattern:
 def _pattern(plan: Plan) -> _Pattern:
     own: Constraints = plan.reduced.constraints
     rows, columns = own.rows, len(own.variable)
-    all_places = own.row.astype(int) * columns + own.column
+    all_places = own.place
     place = distinct(all_places)
     every_row, every_column = np.divmod(place, columns)
     number = np.full((rows, columns), -1)
@@ -208,10 +209,15 @@ class LocalForm:
         """Return the numbers of rows by which the blocks are judged."""
         return [columns.shape[1] for columns in self._left for _ in columns]
 
-    def equilibration(self) -> SparseEquilibration:
+    @property
+    def count(self) -> int:
+        """Return the number of entries of the matrix."""
+        return len(self._pattern.row)
+
+    def equilibration(self) -> Equilibration:
         """Return sizes of the entries, none seen yet."""
         rows, columns = self._pattern.number.shape
-        return SparseEquilibration(rows, columns, self._pattern.row, self._pattern.column)
+        return Equilibration((rows, columns), self._pattern.row, self._pattern.column)
 
     def summed(self, entries: np.ndarray) -> np.ndarray:
         """Return the entries of the matrix from those of the constraints, some of which share a place."""
@@ -242,7 +248,7 @@ class LocalForm:
         return table, signs.astype(np.int8).tobytes()
 
     def local(
-        self, matrix: np.ndarray, sizes: SparseEquilibration | None = None, table: np.ndarray | None = None
+        self, matrix: np.ndarray, sizes: Equilibration | None = None, table: np.ndarray | None = None
     ) -> LocalRows:
         """Return the rows of the blocks of a matrix.
 
@@ -266,7 +272,7 @@ class LocalForm:
         """Return whether the dependent coordinates of a block do not follow, in rows of one size."""
         parts = self._own(self._in_rows_of_one_size(matrix))
         return not all(
-            np.isfinite(a).all() and np.linalg.svd(a, compute_uv=False)[:, -1].min() >= VANISHING for a in parts
+            np.isfinite(a).all() and np.linalg.svd(a, compute_uv=False)[:, -1].min() >= LIMITS.vanishing for a in parts
         )
 
     def _in_rows_of_one_size(self, matrix: np.ndarray) -> np.ndarray:
@@ -279,7 +285,7 @@ class LocalForm:
         padded = np.append(matrix, 0.0)
         return [padded[number] for number in self._blocks] + [t.left(padded)[None] for t in self._pattern.torn]
 
-    def _lengths_of_rows(self, matrix: np.ndarray, sizes: SparseEquilibration | None) -> list[np.ndarray]:
+    def _lengths_of_rows(self, matrix: np.ndarray, sizes: Equilibration | None) -> list[np.ndarray]:
         factors = None if sizes is None else sizes.factors()
         if factors is None or self._lengths[0] is not factors:
             largest = np.abs(matrix) if sizes is None else sizes.served() * sizes.factor

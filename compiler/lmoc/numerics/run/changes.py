@@ -30,10 +30,8 @@ _AHEAD = 8  # … all are integrated where so many more lie ahead, which cost ab
 _FAR = 0.1  # … and the smallest singular value of the constraints is no smaller, so that steps in C can begin there
 _WIDER = 2.0  # by which the smallest singular value must be larger with other constraints left out
 _NEARER = 3.0  # by which it must be smaller for that to be tried again
-_STALLED = 40  # attempts to come on from one place
 _MANY = 100  # continuations after which it is judged whether they get on
 _ASIDE = 1e-2  # of a passage: as far from a singular position values there are computed
-_SHORTEST = 1e-10  # of the run: a step as short is no way past a place where coordinates do not serve
 
 
 class ShortSteps(Lookout):
@@ -148,14 +146,12 @@ class Changes:
             continuation = self._changed(segment, outcome)
         if continuation is not None:
             return continuation
-        if not (watch.lost_rank or watch.passed_a_singular_place):
-            watch.tolerate()
+        if not (watch.lost_rank or watch.judge.passed()):
+            watch.judge.tolerate()
             return Continuation(segment, outcome.x)
-        until = max(watch.last.t, watch.singular) if watch.lost_rank else watch.last.t
-        distance = (until - t) / 4  # the way up to it is gone in shorter steps
-        shortest = _SHORTEST * max(abs(t), self.task.span.end - self.task.span.start)
-        if self._stalled < _STALLED and distance > shortest and not watch.cornered:
-            return Continuation(segment, outcome.x, until, distance)
+        longest, until = watch.judge.shorter(self._stalled, self.task.span.end - self.task.span.start)
+        if longest > 0.0:
+            return Continuation(segment, outcome.x, until, longest)
         self._nowhere(segment)
         return None
 
@@ -182,7 +178,7 @@ class Changes:
             return None
         ahead = (len(self._times) - 1) * (span.end - t) / (t - self._times[0])
         suits = requested.form.name == "auto" and task.options.solver in STEPPED_IN_C
-        if ahead < _AHEAD or segment.watch.accepted.margin < _FAR or not suits or task.others is None:
+        if ahead < _AHEAD or segment.watch.margin < _FAR or not suits or task.others is None:
             return None
         made = task.others.of_loops(segment.observer.signals, task.options.energy)
         continuation = None if made is None else self._begun(segment, outcome, *made)
@@ -199,7 +195,7 @@ class Changes:
         if task.others is None or not reduced.left_out or self.happens is not None:
             return None
         until, margin = self._in_vain
-        if watch.accepted.t <= until and watch.accepted.margin > margin / _NEARER:
+        if watch.accepted.t <= until and watch.margin > margin / _NEARER:
             return None
         place, own = watch.accepted, reduced.constraints.variable
         values = segment.observer(own, np.array([place.t]), place.x[None])[0]
@@ -212,7 +208,7 @@ class Changes:
             system.prepare(continuation.segment.base, signals)
             if _margin(system, continuation.segment.base, place.t, continuation.x) > _WIDER * own_margin:
                 return continuation
-        self._in_vain = 2 * watch.singular - place.t, place.margin
+        self._in_vain = 2 * watch.singular - place.t, watch.margin
         watch.go_back()
         return None
 
@@ -230,7 +226,6 @@ class Changes:
         self._busy = busy or (self._busy and found is None)  # nearer, rounding may hide it
         if found is None or busy:
             watch.go_back()
-            watch.relent()
             return None
         singular = watch.singular_within(found)
         if singular is not None:
@@ -327,7 +322,7 @@ def _margin(system: System, base: np.ndarray, t: float, x: np.ndarray) -> float:
     do not serve.
     """
     watch = CoordinateWatch(system, base)
-    return watch.accepted.margin if watch.begin(t, x) is Status.OK else 0.0
+    return watch.margin if watch.begin(t, x) is Status.OK else 0.0
 
 
 def _singular_start(segment: Segment, report: Report) -> StartSingular:

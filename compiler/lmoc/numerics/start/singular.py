@@ -32,7 +32,7 @@ def starts_singular(segment: Segment, time: float, x: np.ndarray) -> str:
     place = watch.accepted
     if not np.isfinite(place.matrix).all():
         return ""
-    margin = min(place.margin, watch.margin_at_once(place))
+    margin = min(watch.margin, watch.margin_at_once(place))
     return BRANCHES if margin < _DEPENDENT else NEXT if margin < _ALMOST else ""
 
 

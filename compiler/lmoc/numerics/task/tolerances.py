@@ -25,16 +25,20 @@ class Tolerances:
         self.rtol = rtol
         self._task = task
         self._kept: tuple[Plan, np.ndarray] | None = None
+        self._known: dict[tuple[str, ...], np.ndarray] = {}  # by the names of the states
 
     def absolute(self, segment: Segment, x: np.ndarray) -> np.ndarray:
-        """Return the absolute tolerances (n,); those of one plan are computed once, where it is first used.
+        """Return the absolute tolerances (n,); those of the same states are computed once, where they are first used.
 
         Parameters
         ----------
         x : (n,) the state there
         """
         if self._kept is None or self._kept[0] is not segment.plan:
-            self._kept = segment.plan, self._computed(segment, x)
+            names = tuple(segment.plan.reduced.state_names)
+            if names not in self._known:
+                self._known[names] = self._computed(segment, x)
+            self._kept = segment.plan, self._known[names]
         return self._kept[1]
 
     def sizes(self, segment: Segment) -> np.ndarray | None:

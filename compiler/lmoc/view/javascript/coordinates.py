@@ -10,33 +10,59 @@ from typing import Any
 import numpy as np
 
 from lmoc.ir.program import Program
+from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.change import all_unknowns
+from lmoc.numerics.coordinates.watch import MOST_ROWS, told_registers
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import renumber
+from lmoc.numerics.observe.trajectory import Trajectory
 from lmoc.numerics.plan.plan import Plan
+from lmoc.support.records import dataclass
 from lmoc.view.javascript.registers import RegisterSource
 
 
-def write_constraints(plan: Plan, registers: RegisterSource) -> tuple[Program, dict[str, Any] | None]:
-    """Return what fills the constraint matrix from the registers of the right-hand side, and where its entries are.
+@dataclass(frozen=True, eq=False)
+class CoordinateTables:
+    """What the engine judges the choice of coordinates by.
 
-    None where the choice never changes.
+    Attributes
+    ----------
+    own : the constraints
+    entries, told : registers of the entries, and of the coordinates; of these none where the system does not tell
+    ranked : whether constraints may not come to depend on each other
+    """
+
+    own: Constraints
+    entries: np.ndarray
+    told: np.ndarray
+    ranked: bool
+
+
+def is_ranked(trajectory: Trajectory) -> bool:
+    """Return whether a run has come to no place where its constraints depend on each other.
+
+    Over such a place a page goes on as its method does; a run begins another segment in the same coordinates behind it.
+    """
+    reduced = [segment.reduced for segment in trajectory.segments]
+    return all(a is not b for a, b in zip(reduced, reduced[1:]))
+
+
+def write_constraints(
+    plan: Plan, registers: RegisterSource, ranked: bool
+) -> tuple[Program, dict[str, Any] | None, CoordinateTables | None]:
+    """Return what fills the constraint matrix from the registers of the right-hand side, and what is judged by it.
+
+    The latter for the page, and for the engine; None where the choice never changes.
     """
     own = plan.reduced.constraints
     if own is None:
-        return (), None
+        return (), None, None
     shared = plan.reduced.registers.count
     new = np.concatenate([np.arange(shared), registers.add(own.count - shared)])
-    data = {
-        "rows": own.rows,
-        "columns": len(own.variable),
-        "row": own.row.tolist(),
-        "column": own.column.tolist(),
-        "register": new[own.register].tolist(),
-        "watched": own.watched.tolist(),
-        "variable": own.variable.tolist(),
-    }
-    return tuple(renumber(step, new) for step in own.program), data
+    data = {"rows": own.rows, "variable": own.variable.tolist(), "source": own.source.tolist()}
+    told = told_registers(plan)
+    tables = CoordinateTables(own, new[own.register], told, ranked and own.rows <= MOST_ROWS)
+    return tuple(renumber(step, new) for step in own.program), data, tables
 
 
 def passage(observer: Observer, other: Plan) -> list[list[int]]:
@@ -52,15 +78,6 @@ def passage(observer: Observer, other: Plan) -> list[list[int]]:
         if variable >= 0:
             source = int(place[variable]) if order == 0 else observer.derivative(variable, order)
         found.append([register, source])
-    return found
-
-
-def passed(observer: Observer, time: float, x: np.ndarray, other: Plan) -> np.ndarray:
-    """Return the states of another plan where the observer's stands at a time and state; NaN for what is not known."""
-    found = np.full(len(other.states), np.nan)
-    for k, (_, source) in enumerate(passage(observer, other)[: len(found)]):
-        if source >= 0:
-            found[k] = observer.register(source, np.array([time]), x[None])[0]
     return found
 
 

@@ -11,6 +11,7 @@ from lmoc.ir.program import Program, Solve, walk
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.packed import Packer
 from lmoc.lower.tape import Tape
+from lmoc.numerics.coordinates.limits import LIMITS
 from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
 from lmoc.numerics.dop853.rules import RULES
 from lmoc.numerics.evaluate import engine_stepper
@@ -18,6 +19,7 @@ from lmoc.numerics.evaluate.engine_system import has_branches
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.curves import Curve
 from lmoc.support.records import dataclass
+from lmoc.view.javascript.coordinates import CoordinateTables
 from lmoc.view.javascript.laws import LawTables
 
 Programs = dict[str, Program | list[Program]]
@@ -47,6 +49,7 @@ def packed_programs(
     curves: Sequence[tuple[int, int, Curve]],
     events: InstantTables | None = None,
     laws: LawTables | None = None,
+    watch: CoordinateTables | None = None,
 ) -> tuple[bytes, Numbers]:
     """Return the programs over registers, and the number of each by its name; ``rhs`` is among them.
 
@@ -101,6 +104,12 @@ def packed_programs(
         for number, entries in zip(derived, laws.entries, strict=True):
             p.integers(tapes[number].results)
             p.integers(entries)
+    p.integer(watch is not None)
+    if watch is not None:
+        p.each((int(np.asarray(numbers["constraints"])), *watch.own.shape, watch.ranked))
+        for table in (watch.own.watched, watch.entries, watch.own.place, watch.told):
+            p.integers(table)
+        p.reals(list(vars(LIMITS).values()))
     return p.finish(), numbers
 
 

@@ -29,7 +29,7 @@ from lmoc.numerics.signals.signals import Function, break_times
 from lmoc.numerics.signals.tables import Table
 from lmoc.support.records import dataclass
 from lmoc.view.javascript.accuracy import absolute_tolerances, refinement, seeds
-from lmoc.view.javascript.coordinates import pairs, passage, passed, write_constraints
+from lmoc.view.javascript.coordinates import is_ranked, pairs, passage, write_constraints
 from lmoc.view.javascript.events import write_events
 from lmoc.view.javascript.laws import LawTables, write_laws
 from lmoc.view.javascript.programs import InstantTables, Programs, packed_programs
@@ -78,35 +78,28 @@ def write_script(trajectory: Trajectory, stop: float | None = None) -> Script:
     if not len(times) or times[0] != segment.begin:
         raise NotWritten("the start of the run is not among its output times")
     stop = trajectory.planned if stop is None else stop
-    first = _Scene(observer, segment.begin, stop, times[0], states[0], trajectory)
-    others = [_Scene(o, segment.begin, stop, t, x, trajectory) for o, t, x in _other_choices(trajectory)]
-    return _with_choices(first, others) if others else first.script()
+    places = [(observer, times[0], states[0]), *_other_choices(trajectory)]
+    scenes = [_Scene(o, segment.begin, stop, t, x, trajectory, len(places) > 1) for o, t, x in places]
+    return _with_choices(*scenes) if len(scenes) > 1 else scenes[0].script()
 
 
 def _other_choices(trajectory: Trajectory) -> Iterator[tuple[Observer, float, np.ndarray]]:
     """Yield an observer, a time and the state there for each choice of coordinates that the run has changed to."""
-    first = trajectory.segments[0]
-    known = [first.reduced]
-    for segment in sorted(trajectory.segments, key=lambda p: not len(p.time)):  # those with output times first
-        if segment.reduced in known:
-            continue
-        known.append(segment.reduced)
-        times, states = segment.samples
-        if len(times):
-            yield segment.observer, times[0], states[0]
-        else:
-            time, states = first.samples[0][0], first.samples[1]
-            yield segment.observer, time, passed(first.observer, time, states[0], segment.observer.plan)
+    known = [sorted(trajectory.segments[0].coordinates)]
+    for segment in trajectory.segments:
+        path, own = segment.observer.path, sorted(segment.coordinates)
+        if own not in known and path is not None:  # in all coordinates of loops there is none
+            known.append(own)
+            yield segment.observer, float(path.times[0]), path.states[0]
 
 
-def _with_choices(first: _Scene, others: list[_Scene]) -> Script:
+def _with_choices(*scenes: _Scene) -> Script:
     """Return the script of a run that changes its coordinates."""
-    main, rest = first.script(), [scene.script() for scene in others]
+    main, *rest = (scene.script() for scene in scenes)
     data = [
         script.data | {"slots": pairs(main.slots, script.slots), "observed": pairs(main.registers, script.registers)}
         for script in rest
     ]
-    scenes = [first, *others]
     passages = [[passage(a.observer, b.plan) for b in scenes] for a in scenes]
     choices = {"choices": data, "passages": passages}
     return Script(main.data | choices, main.slots, main.registers)
@@ -141,9 +134,17 @@ class _Scene:
     """One run on its way to a script."""
 
     def __init__(
-        self, observer: Observer, begin: float, stop: float, time: float, x: np.ndarray, trajectory: Trajectory
+        self,
+        observer: Observer,
+        begin: float,
+        stop: float,
+        time: float,
+        x: np.ndarray,
+        trajectory: Trajectory,
+        changes: bool,
     ) -> None:
         stats = trajectory.stats
+        self.changes, self.ranked = changes, is_ranked(trajectory)
         self.plan: Plan = observer.plan
         self.observer, self.begin, self.stop, self.time, self.x = observer, begin, stop, time, x
         self.flat: FlatDAE = observer.flat
@@ -186,7 +187,7 @@ class _Scene:
         breaks, lines, switches = self._breaks()
         judged, checks = self._checks()
         happening, laws, events, engine = self._happening()
-        constraints, watch = write_constraints(plan, self)
+        constraints, watch, judged_by = write_constraints(plan, self, self.ranked) if self.changes else ((), None, None)
         steps = (copied, *plan.reduced.parameter_program)
         reading = (*steps, *start.wanted, *breaks, *judged, *(s for p in _flat(happening) for s in p))
         steps = (*self._bindings(reading, _read_by_hand(*engine)), *steps, *start.wanted, *judged)
@@ -200,7 +201,7 @@ class _Scene:
             "rhs": plan.program,
             "constraints": constraints,
         }
-        code, numbers = packed_programs(plan, programs | happening, self.count, self._curves(), *engine)
+        code, numbers = packed_programs(plan, programs | happening, self.count, self._curves(), *engine, judged_by)
         data = {
             "code": b64encode(code).decode(),
             "programs": numbers,

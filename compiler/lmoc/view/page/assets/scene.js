@@ -81,9 +81,7 @@ export class Scene {
     const w = this.observe(t, x);
     other.seed();
     for (const [there, here] of passage) other.w[there] = here < 0 ? NaN : w[here];
-    const states = Float64Array.from(other.data.states, (register) => other.w[register]);
-    other.observe(t, states);
-    return states;
+    return Float64Array.from(other.data.states, (register) => other.w[register]);
   }
 
   /** The states at the start for parameter values `changed`, [[slot, value], …], where `initial`, {state: value}, is given. */

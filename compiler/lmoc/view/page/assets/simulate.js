@@ -31,7 +31,7 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
  */
 export class Run {
   constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 1_000_000, initial = {}, pulls = [], finer = 1 }) {
-    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, initial, pulls, finer, pulled: 0, horizon: Infinity, watch: null, tried: new Set() });
+    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, initial, pulls, finer, pulled: 0, horizon: Infinity, watch: null, short: null, stalled: [0, null], tried: new Set() });
     this.registers = [wanted]; // of each choice of coordinates
     for (const other of scene.choices.slice(1)) {
       const observed = new Map(other.data.observed);
@@ -161,13 +161,17 @@ export class Run {
 
   /** Watch the coordinates from a place on, where there are others. */
   watched(t, x) {
-    this.watch = this.main.choices.length ? new Watch(this.scene, t, x) : null;
+    this.watch = this.main.choices.length ? new Watch(this.scene, t, x, this.watch) : null;
   }
 
   /** Go on at {t, x} in better coordinates; the state there, null where the page has none that serve. */
   otherCoordinates({ t, x, stuck }) {
     const { watch, main } = this;
-    for (const variables of watch.better()) {
+    this.scene.programs.goBack();
+    this.stalled = [t === this.stalled[1] ? this.stalled[0] + 1 : 0, t];
+    this.short = null;
+    const better = watch.lostRank && !stuck ? [] : watch.better(stuck);
+    for (const variables of better) {
       const choice = main.choices.findIndex((other) => other.hasStates(variables));
       const key = `${t} ${choice}`;
       if (choice < 0 || this.tried.has(key)) continue; // it has begun here with them already
@@ -179,11 +183,14 @@ export class Run {
       this.watched(t, state);
       return state;
     }
-    if (!stuck && !watch.passedSingular()) {
+    if (!stuck && !watch.passedSingular && !watch.lostRank) {
       watch.tolerate();
       return x;
     }
-    this.reason = `the coordinates would have to change at t = ${t.toPrecision(4)} s, to some that this page does not have`;
+    this.short = stuck ? null : watch.shorter(this.stalled[0], main.data.end - main.data.begin);
+    if (this.short?.longest > 0) return x;
+    if (watch.lostRank) this.reason = `a singular position lies ahead at t = ${t.toPrecision(4)} s, in which branches of the motion meet`;
+    else this.reason = `the coordinates would have to change at t = ${t.toPrecision(4)} s, to some that this page does not have`;
     return null;
   }
 
@@ -195,7 +202,7 @@ export class Run {
       return { t: end, x, which: null };
     }
     if (end - from <= NO_TIME * Math.max(Math.abs(from), Math.abs(end))) return { t: end, x, which: null };
-    const later = scene.data.bounds.slice(1).map(([edge]) => edge);
+    const later = [...scene.data.bounds.slice(1).map(([edge]) => edge), this.short?.until ?? end];
     const edges = [...scene.breaks(from, end), ...later.filter((edge) => edge > from && edge < end)];
     let [begin, state] = [from, x];
     for (const edge of [...edges.sort((a, b) => a - b), Infinity]) {
@@ -218,7 +225,8 @@ export class Run {
     const { data, dynamics } = scene;
     const factor = this.finer * calibration(data.refine, data.rtol * this.finer);
     const tolerances = { rtol: data.rtol * factor, atol: data.atol.map((a) => a * factor) };
-    const maxStep = Math.min(scene.longest(begin, end), dynamics?.longestStep ?? Infinity);
+    const longest = (begin + end) / 2 < this.short?.until ? this.short.longest : Infinity;
+    const maxStep = Math.min(scene.longest(begin, end), dynamics?.longestStep ?? Infinity, longest);
     const finder = roots === null ? null : new RootFinder(scene, roots, begin, x);
     const place = new Float64Array(x.length);
     const kept = dynamics?.kept ?? null;
@@ -244,7 +252,7 @@ export class Run {
       if (method.isStiff) method = this.stiff(method, end, tolerances, maxStep);
       const wanted = finder === null ? times[this.reached] : -Infinity;
       if (!method.step(wanted)) {
-        if (this.watch?.isStuck()) return this.stopped(method, method.t, method.x, true);
+        if (this.watch?.better(true).length) return this.stopped(method, method.t, method.x, true);
         this.reason = `the run stops at t = ${method.t.toPrecision(6)} s: it has no values beyond`;
       } else if (this.watch !== null) {
         if (!this.watch.judge(method.t, method.x)) return this.stopped(method, method.before, method.last, false);
