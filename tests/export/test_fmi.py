@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracles.fmu import begin, instance, simulated
+from oracles.fmu import begin, by_cvode, instance, simulated
 
 import lmoc
 from lmoc.export.fmu import find_compiler
@@ -71,6 +71,18 @@ equation
   annotation(experiment(StopTime = 4));
 end Pulse;
 """
+SWINGING = """
+model Swinging
+  output Real x(unit = "m") = mass.q;
+  Fixed wall;
+  Spring spring(k = 1e4);
+  Mass mass(m = 1, q(start = 1, fixed = true), v(start = 0, fixed = true));
+equation
+  connect(wall.flange, spring.a);
+  connect(spring.b, mass.flange);
+  annotation(experiment(StopTime = 100));
+end Swinging;
+"""
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +116,35 @@ def test_an_fmu_does_what_simulate_does(name: str, fmi: int, tmp_path) -> None:
         for variable in shown:
             size = np.abs(run[variable]).max()
             assert np.abs(own[variable] - run[variable]).max() <= 100 * RTOL * size + 1e-12, (kind, variable)
+
+
+def test_model_exchange_is_the_other_tools_integrator(driven) -> None:
+    """The same CVode on the scene's functions makes the same steps: no error of an FMU is the FMU's own."""
+    dae, made = driven
+    described = {v.name: v for v in fmpy.read_model_description(str(made[3].path)).modelVariables}
+    times = np.linspace(0, 2, 101)
+    found = simulated(
+        made[3].path, fmi_type="ModelExchange", stop_time=2.0, output_interval=0.02, relative_tolerance=1e-6,
+        output=list(dae.states),
+    )  # fmt: skip
+    nominal = [float(described[name].nominal or 1) for name in dae.functions.states]
+    start = [float(described[name].start) for name in dae.functions.states]
+    own = by_cvode(dae.functions, start, nominal, times, 1e-6)
+    exact = dae.simulate(times=times, inputs={"u": 0.0}, rtol=1e-10)
+    for k, name in enumerate(dae.functions.states):
+        assert np.abs(found[name] - own[:, k]).max() <= 1e-10 * nominal[k]
+        assert np.abs(found[name] - exact[name]).max() > 1e-7 * nominal[k]  # which both have
+
+
+def test_errors_of_many_steps_do_not_add_up(tmp_path) -> None:
+    """1,592 periods without damping in one communication step: x = cos(100 t)."""
+    dae = lmoc.compile_text(SWINGING)
+    fmu, references = instance(dae.export(tmp_path / "swinging.fmu").path)
+    fmu.enterInitializationMode(tolerance=RTOL, startTime=0.0)
+    fmu.exitInitializationMode()
+    fmu.doStep(0.0, 100.0)
+    assert fmu.getFloat64([references["x"]]) == pytest.approx([np.cos(1e4)], abs=100 * RTOL)
+    fmu.freeInstance()
 
 
 @pytest.mark.parametrize("fmi", [3, 2])

@@ -42,14 +42,49 @@ with open(sys.argv[1], "wb") as file:
 """
 
 
-def simulated(path: str | Path, **options) -> np.ndarray:
-    """What FMPy makes of an FMU, in a process of its own: two copies of SUNDIALS in one process can crash it."""
+BY_CVODE = """
+import pickle, sys
+import casadi, numpy as np
+from fmpy.sundials import CVodeSolver
+with open(sys.argv[1], "rb") as file:
+    ode, (start, inputs, values), nominal, times, rtol = pickle.load(file)
+ode, n, now = casadi.Function.deserialize(ode), len(start), {"t": times[0], "x": start}
+def put(to, values):
+    np.ctypeslib.as_array(to, (n,))[:] = values
+solver = CVodeSolver(
+    nx=n, nz=0, input=None, startTime=times[0], maxStep=(times[-1] - times[0]) / 50, relativeTolerance=rtol,
+    get_x=lambda to, n: put(to, now["x"]), set_x=lambda x, n: now.update(x=np.ctypeslib.as_array(x, (n,)).copy()),
+    get_dx=lambda to, n: put(to, np.ravel(ode(now["t"], now["x"], inputs, values))), get_z=None,
+    get_nominals=lambda to, n: put(to, nominal), set_time=lambda t: now.update(t=t),
+)
+found = [start]
+for t, until in zip(times, times[1:]):
+    solver.step(t, until)
+    found.append(now["x"])
+with open(sys.argv[1], "wb") as file:
+    pickle.dump(np.array(found), file)
+"""
+
+
+def _apart(script: str, asked: tuple) -> np.ndarray:
+    """What a script makes of what is asked, in a process of its own: two copies of SUNDIALS in one can crash it."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "asked"
-        place.write_bytes(pickle.dumps((str(path), options)))
-        done = subprocess.run([sys.executable, "-c", SIMULATE, str(place)], capture_output=True, text=True, timeout=300)
+        place.write_bytes(pickle.dumps(asked))
+        done = subprocess.run([sys.executable, "-c", script, str(place)], capture_output=True, text=True, timeout=300)
         assert done.returncode == 0, done.stderr
         return pickle.loads(place.read_bytes())
+
+
+def simulated(path: str | Path, **options) -> np.ndarray:
+    """What FMPy makes of an FMU."""
+    return _apart(SIMULATE, (str(path), options))
+
+
+def by_cvode(functions, start: list[float], nominal: list[float], times: np.ndarray, rtol: float) -> np.ndarray:
+    """The states, (times, n), by FMPy's CVode on the functions of a scene, with the tolerances that it gives an FMU."""
+    given = start, [0.0] * len(functions.inputs), functions.values
+    return _apart(BY_CVODE, (functions.ode.serialize(), given, nominal, times, rtol))
 
 
 def beside_a_run(dae, path: str | Path, kind: str) -> tuple:

@@ -184,7 +184,7 @@ def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
     parts += [_events(w, own), _laws(w, own), _jumps(w, own), _loops(w, own)]
     body = ",\n".join(parts)
     start, stop = float(own.run.time[0]), float(own.run.trajectory.planned)
-    ends = f"{_real(start)}, {_real(stop - start)}, {_real(tolerance)}"
+    ends = f"{_real(start)}, {_real(stop - start)}, {_real(tolerance)}, {_real(own.finer)}"
     arrays = "\n".join(w.lines)
     token = _token(arrays + body + ends, own.variables)
     head = '/* A scene as data, written by lmoc. */\n\n#include "fmu.h"\n\n'

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.export.accuracy import step_factor
 from lmoc.export.instants import Instants, instants
 from lmoc.export.jumps import JumpTables, jump_tables
 from lmoc.export.laws import LawTables, law_tables, why_not
@@ -57,6 +58,7 @@ class Executable:
     parameters : flat variables that can be set
     start, nominal : (states,)
     breaks : s, kinks and jumps of functions of time
+    finer : factor on the tolerance of the steps of a co-simulation
     outputs : registers behind the derivatives among the rows of `slopes`
     rows, columns : (entries,) of `slopes`
     branches : nonlinear blocks are closures of loops
@@ -89,6 +91,7 @@ class Executable:
     parameters: np.ndarray
     start: np.ndarray
     nominal: np.ndarray
+    finer: float
     breaks: np.ndarray
     outputs: np.ndarray
     rows: np.ndarray
@@ -167,6 +170,7 @@ def executable(dae: CompiledDAE) -> Executable:
         known, _given(plan), _kept(plan, observing), unknowns,
         guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0),
         inputs, base[inputs], settable, start, np.where(nominal > 0, nominal, 1.0),
+        step_factor(dae, plan, run, zero_inputs),
         kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, laws,
         jumps, loops, closing, variables, zero_inputs, held,
     )  # fmt: skip

@@ -4,10 +4,12 @@
 #include "fmu_laws.h"
 #include "fmu_loops.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 
 static const double SHORTEST = 8e-16; /* share of the time, up to which DOP853 has no step (`engine/c/walk.c`) */
-static const double FINER = 0.1;  /* as in `numerics/run/segments.py` */
+static const double NO_FINER = 1e-12; /* as in `numerics/steps/automatic.py` */
+enum { STANDING = 1000 };             /* events in a row between which the time does not go on */
 
 static const fmu_tape *tape_of(const fmu_model *m, int k) {
   const fmu_events *e = &m->events;
@@ -455,12 +457,14 @@ double fmu_next_break(const fmu *f) {
 
 double fmu_next(const fmu *f) { return fmin(fmu_next_break(f), f->now.next); }
 
-/* The tolerance of steps; in all coordinates of loops as finely as `simulate` does it behind a change of coordinates. */
-static double tolerance(const fmu *f) { return f->now.rtol * (f->model->loops.stages ? FINER : 1); }
+/* The tolerance of steps, with which a run as a whole keeps the one that is asked for. */
+static double tolerance(const fmu *f) { return fmax(f->now.rtol * f->model->finer, fmin(f->now.rtol, NO_FINER)); }
 
 static double first_step(fmu *f, double span, const double *slope, const double *atol, double *x, double *trial) {
   const int64_t n = f->model->states;
-  const double h = lmoc_first_trial(n, span, INFINITY, f->model->rules.least, tolerance(f), atol, f->x, slope);
+  /* where all states are next to zero their sizes ask for a step that is none by rounding */
+  const double least = fmax(f->model->rules.least, 2 * SHORTEST * fabs(f->now.time));
+  const double h = lmoc_first_trial(n, span, INFINITY, least, tolerance(f), atol, f->x, slope);
   for (int64_t i = 0; i < n; i++) x[i] = f->x[i] + h*slope[i];
   lmoc_derivatives(&f->call, f->now.time + h, x, trial);
   return lmoc_first_step(n, h, span, tolerance(f), atol, f->x, slope, trial);
@@ -563,14 +567,21 @@ static int happen(fmu *f, int *found) {
   return *found || f->now.ended;
 }
 
+/* What is found again wherever it has happened would be so for ever. */
+static int stands_still(fmu *f) {
+  char text[200];
+  snprintf(text, sizeof text, "events follow each other without end at t = %.15g s: the time does not go on", f->now.time);
+  return fmu_refused(f, text);
+}
+
 int fmu_advance(fmu *f, double end) {
-  int found = evaluate(f);
+  int found = evaluate(f), standing = 0;
   if (found) return found;
   if (fmu_passed(f) && happen(f, &found)) return found; /* inputs and parameters may have been set */
   while (f->now.time < end) {
     const double jump = fmu_next_break(f), next = fmin(fmu_next(f), end);
     /* the last stage of a step before a jump must not see what comes behind it */
-    const double until = jump <= next ? next - 4e-16*fabs(next) : next;
+    const double until = jump <= next ? next - 4e-16*fabs(next) : next, from = f->now.time;
     int root = 0;
     if (until - f->now.time > SHORTEST * fabs(until)) { /* an ulp is no step: a tick just before a communication point */
       found = f->model->states ? smooth(f, until, &root) : pass_time(f, until, &root);
@@ -586,6 +597,8 @@ int fmu_advance(fmu *f, double end) {
         if (!root) found = fmu_input_steps(f);
       }
     }
+    standing = f->now.time - from > SHORTEST * fabs(from) ? 0 : standing + 1;
+    if (standing > STANDING) return stands_still(f);
     if ((root || f->now.time >= f->now.next) && happen(f, &found)) return found;
   }
   return evaluate(f);

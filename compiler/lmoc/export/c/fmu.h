@@ -119,6 +119,7 @@ typedef struct {
   fmu_jumps jumps;
   fmu_loops loops;
   double start_time, span, tolerance;     /* s, of the experiment */
+  double finer;                           /* factor on the tolerance of steps, as `simulate` has one */
 } fmu_model;
 
 extern const fmu_model lmoc_fmu_model;

@@ -334,15 +334,27 @@ def _refinement(problem: Problem, modes: Modes, mean: float, series: bool) -> fl
     series : whether they are those of a Taylor series
     """
     linear = problem.system.plan.once(is_linear)
-    added, power = (_ADDED_SERIES if linear else _DEPHASED_SERIES) if series else growth(problem.system.plan)
+    added = (_ADDED_SERIES if linear else _DEPHASED_SERIES) if series else growth(problem.system.plan)
     length = problem.end - problem.t
-    if (added * mean / length) ** power >= WORTHWHILE:  # whatever the motion forgets
+    if refined(added, mean, length, None) == 1.0:  # whatever the motion forgets
         return 1.0
-    if modes.values is None:
-        return max(LEAST_UNKNOWN, min(1.0, added * mean / length) ** power)
-    if modes.memory > 0:
-        length = max(mean, min(length, FORGOTTEN / modes.memory))
-    factor = max(LEAST_FACTOR, min(1.0, added * mean / length) ** power)
+    return refined(added, mean, length, None if modes.values is None else modes.memory)
+
+
+def refined(added: tuple[float, float], mean: float, length: float, memory: float | None) -> float:
+    """Return the factor on the tolerance with which a run as a whole keeps it.
+
+    Parameters
+    ----------
+    added : as of `growth`
+    mean, length : s, of the steps and of the run
+    memory : 1/s, rate at which the motion forgets an error; None where it is not known
+    """
+    steps, power = added
+    least = LEAST_UNKNOWN if memory is None else LEAST_FACTOR
+    if memory is not None and memory > 0:
+        length = max(mean, min(length, FORGOTTEN / memory))
+    factor = max(least, min(1.0, steps * mean / length) ** power)
     return factor if factor < WORTHWHILE else 1.0
 
 
