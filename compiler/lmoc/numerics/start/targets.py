@@ -60,9 +60,10 @@ def own_starts(flat: FlatDAE, values: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
     Parameters
     ----------
-    values : (flat.count,) parameters, or (flat.count, runs) of many runs
+    values : parameters of the model as it is written, or with those that a reduction has added; (…, runs) of many runs
     """
-    start, hard = np.full(values.shape, np.nan), np.zeros(values.shape, bool)
+    shape = flat.count, *values.shape[1:]
+    start, hard = np.full(shape, np.nan), np.zeros(shape, bool)
     for a in flat.starts:
         start[a.target] = a.values(values)
     for a in flat.fixed:
