@@ -92,7 +92,7 @@ def test_what_takes_over_in_the_middle_changes_no_bit(solver, monkeypatch):
     def note(self, evaluations):
         asked.append(evaluations)
         if len(asked) == 3:
-            self.library = compile_tape(self._tape)
+            self.library = compile_tape(self.tape)
 
     monkeypatch.setattr(Accelerator, "note", note)
     after = dae.simulate(**options)
