@@ -8,6 +8,7 @@ from conftest import ROOT
 from scipy.integrate import solve_ivp
 
 import lmoc
+from lmoc.numerics.coordinates.local_form import LocalRows
 from lmoc.numerics.coordinates.local_places import LocalPlaces
 from lmoc.numerics.coordinates.tableau import rank_margin
 
@@ -84,6 +85,24 @@ def test_margin_is_that_of_one_window_however_many_there_are(monkeypatch):
     (_, _, few, _, margin, _), (_, _, many, _, of_many, _) = (looks(n, 1e-3, monkeypatch)[0][0] for n in (4, 24))
     assert rank_margin(many) < 0.3 * rank_margin(few)
     assert of_many == pytest.approx(margin, rel=0.2)
+
+
+def test_an_interruption_within_a_step_leaves_the_memory_alone(monkeypatch):
+    """What is asked about a place in between is interrupted: its margin is then no number, and nothing is computed."""
+    see, judges = LocalPlaces.see, []
+
+    def interrupted(self, place):
+        judges[:] = [self._judge]
+        if place in self._judge.places[2:]:
+            raise KeyboardInterrupt
+        see(self, place)
+
+    monkeypatch.setattr(LocalPlaces, "see", interrupted)
+    monkeypatch.setattr(LocalRows, "stays_regular", lambda *_: False)
+    with pytest.raises(KeyboardInterrupt):
+        lmoc.compile(WINDOWS, parameters={"N": 2}).simulate(stop=1e-3)
+    (judge,) = judges
+    assert np.isnan(judge.margin(judge.places[2]))
 
 
 def angles_of_a_lift(n: int, times: np.ndarray) -> np.ndarray:

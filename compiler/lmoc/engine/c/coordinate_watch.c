@@ -62,7 +62,7 @@ static double singular_value(const lmoc_coordinates *c, int64_t columns, double 
 
 double lmoc_coordinates_margin(lmoc_coordinates *c, int64_t k) {
   double *margin = place(c, k) + MARGIN;
-  if (*margin == *margin) return *margin;
+  if (*margin == *margin || c->blocks) return *margin; /* blocks have told it, unless that was interrupted */
   for (int64_t i = 0; i < c->count; i++) c->work[i % c->columns * c->rows + i/c->columns] = even(c, matrix(c, k), i);
   return *margin = singular_value(c, c->columns, c->work, 0);
 }
@@ -151,7 +151,7 @@ static void look(lmoc_coordinates *c, int64_t k, double time, const double *x) {
   }
   if (grown) rescale(c);
   own[SIGN] = eliminate(c, k);
-  own[LEAST] = least(c, k);
+  if (c->ranked) own[LEAST] = least(c, k);
 }
 
 /* ------------------------------------------------------------------ judging */

@@ -91,7 +91,7 @@ int lmoc_exchanges(double good, int64_t rows, int64_t states, double *table, uin
   for (int64_t round = 0; round < EXCHANGES*rows*states; round++) {
     int64_t at = -1;
     double most = good;
-    for (int64_t k = 0; k < rows*states; k++)
+    for (int64_t k = 0; k < rows*states && most == most; k++)
       if (!barred[k/states] && !(fabs(table[k]) <= most)) most = fabs(table[at = k]);
     if (at < 0 || most*0 != 0) break;
     const int64_t i = at / states, j = at % states;
