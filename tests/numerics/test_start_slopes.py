@@ -72,7 +72,50 @@ def test_start_values_that_cannot_be_met_are_differentiated_by_starts():
 
 def test_equations_decide_level_by_level():
     rows = np.array([[1.0, 0.0], [0.0, 1.0], [0.6, 0.8]])
-    met = np.array([True, True, False])
-    assert start_slopes._deciding(rows, np.array([0, 1, 2]), met).tolist() == [0, 1]
-    assert start_slopes._deciding(rows, np.array([0, 2, 1]), met) is None  # what is missed would decide
-    assert start_slopes._deciding(rows[:1], np.array([0]), met[:1]) is None  # a direction is left
+    met, reads = np.array([True, True, False]), rows != 0
+
+    def deciding(count, *level):
+        return start_slopes._deciding(rows[:count], reads[:count], np.array(level), met[:count])
+
+    assert deciding(3, 0, 1, 2).tolist() == [0, 1]
+    assert deciding(3, 0, 2, 1) is None  # what is missed would decide
+    assert deciding(1, 0) is None  # a direction is left
+    parallel = np.array([[0.6, 0.8], [0.6, 0.8], [0.0, 1.0]])
+    for level in ([0, 0, 1], [0, 1, 1]):  # nearby, the second row may decide what the third one does
+        assert start_slopes._deciding(parallel, parallel != 0, np.array(level), np.ones(3, bool)) is None
+
+
+ARM = """
+model Arm "an arm on a slide: how high its end is, is asked for, and guesses for the slide and how far it reaches"
+  parameter Real y0 = 0.5;
+  Real s(stateSelect = StateSelect.always), phi(stateSelect = StateSelect.always);
+  Real y(start = y0, fixed = true), x(start = 1), z(start = 1);
+equation
+  der(s) = 0;
+  der(phi) = 0;
+  y = s + sin(phi);
+  x = cos(phi);
+  z = 2*s;
+end Arm;
+"""
+
+
+def test_a_guess_without_a_slope_has_one_nearby():
+    """x = cos(φ) has no slope at φ = 0, but draws φ back on both sides of it: s takes its share of what y is raised."""
+    run, made = _slopes(ARM, ("y0",))
+    assert made > 0
+    dae = lmoc.compile_text(ARM)
+    near = {k: dae.simulate(stop=1, points=2, parameters={"y0": 0.5 + k})["s"][0] for k in (-1e-3, 1e-3)}
+    truth = (near[1e-3] - near[-1e-3]) / 2e-3
+    assert truth > 0.1
+    assert run.sensitivity("s", "y0")[0] == pytest.approx(truth, abs=1e-5)
+
+
+def test_a_start_value_that_contradicts_a_fixed_one_is_refused():
+    """All states are given, and another variable is fixed besides."""
+    dae = lmoc.compile_text(
+        "model S Real q(start = 1, stateSelect = StateSelect.always), z(start = 2, fixed = true);"
+        "equation der(q) = -q; z = 2*q; end S;"
+    )
+    with pytest.raises(lmoc.ModelError, match="contradict"):
+        dae.simulate(stop=0.1, sensitivities=("q",))

@@ -49,7 +49,9 @@ def start_slopes(
     alone = (at >= 0).all() and not flat.initial_groups and not (guess is not None and guess.closed)
     direct = (at >= 0) & (wanted.hard | alone)
     own = at[direct]
-    if len(np.unique(own)) == len(own) and (alone or np.isin(np.arange(plan.state_count), own).all()):
+    besides = bool(flat.initial_groups) or bool((wanted.hard & ~direct & (register >= 0)).any())  # has to be met, too
+    enough = alone or (np.isin(np.arange(plan.state_count), own).all() and not besides)
+    if len(np.unique(own)) == len(own) and enough:
         found = np.zeros((len(wished), n))
         found[:, own] = wished[:, wanted.variable[direct]]
         return found
@@ -67,18 +69,21 @@ def _by_equations(
     system = StartSystem(plan, observer.base, observer.signals, observer.values, time, wanted, Report())
     residual, entries = system.evaluate(x)
     matrix = _dense(entries, (len(residual), len(x)))
+    reads = np.zeros(matrix.shape, bool)
+    reads[entries[0], entries[1]] = True
     moving = np.flatnonzero((base != 0).any(axis=0))
     by_base = Jacobian(system.program, moving, system.outputs, len(system.w))
     values = by_base.values(system.w, time)
     right = wished.T - _dense((by_base.rows, by_base.columns, values), (len(residual), len(moving))) @ base[:, moving].T
     size = np.linalg.norm(matrix, axis=1)
-    free = (matrix == 0).all(axis=0)
+    free = ~reads.any(axis=0)
     if not np.isfinite(matrix).all() or not np.isfinite(right).all() or (x[free] != 0).any():
         return None
-    rows = np.flatnonzero(size > 0)
+    rows = np.flatnonzero(reads.any(axis=1))
+    size[size == 0.0] = 1.0
     scaled = matrix[rows][:, ~free] / size[rows, None]
     met = np.abs(residual[rows]) <= _MET * (1.0 + np.abs(system.value[rows]))
-    deciding = _deciding(scaled, system.level[rows], met)
+    deciding = _deciding(scaled, reads[rows][:, ~free], system.level[rows], met)
     if deciding is None:
         return None
     right = right[rows[deciding]] / size[rows[deciding], None]
@@ -90,22 +95,40 @@ def _by_equations(
     return found
 
 
-def _deciding(matrix: np.ndarray, level: np.ndarray, met: np.ndarray) -> np.ndarray | None:
-    """Return the rows that decide all columns, level by level; None where some are missed, or do not suffice."""
+def _deciding(matrix: np.ndarray, reads: np.ndarray, level: np.ndarray, met: np.ndarray) -> np.ndarray | None:
+    """Return the rows that decide all columns, level by level; None where some are missed, or do not suffice.
+
+    A row may have no slope in the directions left and yet read them, as ``cos(φ)`` at φ = 0: it has one nearby, where
+    a start gives it its full say. So may one that is parallel to others.
+
+    Parameters
+    ----------
+    reads : (rows, columns) mask of what may be other than 0 elsewhere
+    """
     chosen: list[np.ndarray] = []
     left = np.eye(matrix.shape[1])  # the directions in which nothing is decided yet
     for now in np.unique(level):
         if not left.shape[1]:
             break
-        own = np.flatnonzero(level == now)
-        own = own[np.linalg.norm(matrix[own] @ left, axis=1) > _RANK]
-        if not met[own].all():
+        every = np.flatnonzero(level == now)
+        short = np.linalg.norm(matrix[every] @ left, axis=1) <= _RANK
+        own = every[~short]
+        if not met[own].all() or _read(reads[every[short]], left).any():
             return None
         if len(own):
-            _, values, basis = np.linalg.svd(matrix[own] @ left)
+            inside = matrix[own] @ left
+            _, values, basis = np.linalg.svd(inside)
             left = left @ basis[int((values > _RANK).sum()) :].T
+            turning = inside[_read(reads[own], left)]
+            if len(turning) and np.linalg.matrix_rank(turning, tol=_RANK) < len(turning):
+                return None
             chosen.append(own)
     return None if left.shape[1] or not chosen else np.concatenate(chosen)
+
+
+def _read(reads: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Return which rows read something that is not decided."""
+    return reads[:, np.linalg.norm(left, axis=1) > _RANK].any(axis=1)
 
 
 def _dense(entries: tuple[np.ndarray, np.ndarray, np.ndarray], shape: tuple[int, int]) -> np.ndarray:
