@@ -135,10 +135,12 @@ def _start(flat: FlatDAE, drafts: Drafts) -> tuple[tuple[Assigned, ...], tuple[G
     """The initial equations that determine discrete variables, and the others.
 
     One with continuous variables determines a discrete one that stands alone on a side, and that nothing else says
-    anything of: no start value, for ``pre(v)`` no fixed one, and no equation between discrete variables.
+    anything of: no start value, for ``pre(v)`` no fixed one, and no equation between discrete variables. Rates are no
+    variables that discrete equations read.
     """
     kinds = [{int(k) for k in flat.kind[g.slots[0]]} if g.rows else set() for g in flat.initial_groups]
-    mixed = [Kind.DISCRETE in k and Kind.UNKNOWN in k for k in kinds]
+    rates = [any(s.value[1] > 0 for side in (g.left, g.right) for s in dag.slots(side)) for g in flat.initial_groups]
+    mixed = [Kind.DISCRETE in k and Kind.UNKNOWN in k and not r for k, r in zip(kinds, rates, strict=True)]
     start = [Kind.DISCRETE in k and Kind.UNKNOWN not in k for k in kinds]
     if any(mixed):
         own = [g for g, is_own in zip(flat.initial_groups, start, strict=True) if is_own]
