@@ -62,6 +62,7 @@ def test_a_state_follows_what_is_held() -> None:
         ("pre(a) = past; past = a;", "Real a;", "E0422"),
         ("pre(a) = y + 1;", "Real a;", "E0535"),
         ("pre(a) = der(x);", "Real a;", "E0531"),  # not x
+        ("pre(a) = der(f);", "Real a; input Real f = 3*time;", "E0531"),
     ],
 )
 def test_what_contradicts_is_told(initial: str, declared: str, code: str) -> None:

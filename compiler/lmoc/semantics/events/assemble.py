@@ -140,8 +140,9 @@ def _start(flat: FlatDAE, drafts: Drafts) -> tuple[tuple[Assigned, ...], tuple[G
     """
     kinds = [{int(k) for k in flat.kind[g.slots[0]]} if g.rows else set() for g in flat.initial_groups]
     rates = [any(s.value[1] > 0 for side in (g.left, g.right) for s in dag.slots(side)) for g in flat.initial_groups]
-    mixed = [Kind.DISCRETE in k and Kind.UNKNOWN in k and not r for k, r in zip(kinds, rates, strict=True)]
-    start = [Kind.DISCRETE in k and Kind.UNKNOWN not in k for k in kinds]
+    discrete = [Kind.DISCRETE in k and not r for k, r in zip(kinds, rates, strict=True)]
+    mixed = [d and Kind.UNKNOWN in k for k, d in zip(kinds, discrete, strict=True)]
+    start = [d and Kind.UNKNOWN not in k for k, d in zip(kinds, discrete, strict=True)]
     if any(mixed):
         own = [g for g, is_own in zip(flat.initial_groups, start, strict=True) if is_own]
         open_ = _undetermined(flat, drafts, own)
