@@ -103,3 +103,14 @@ def test_a_curve_that_moves_along_is_no_curve_over_the_position():
     assert not found.curves
     (equation,) = found.equations
     assert sp.Symbol("time") in equation.residual.free_symbols
+
+
+def test_the_slope_of_a_curve_is_no_other_variable_of_the_model():
+    pieces = "".join(f"if x < {k / 10} then {k}*x^3 else " for k in range(1, 10))
+    (equation,) = lmoc.compile_text(
+        f"model S function g input Real x; output Real y; algorithm y := noEvent({pieces}9*x^3); end g;"
+        "parameter Real h_slope = 2; Real q(start = 0.05, fixed = true), v(start = 0.3, fixed = true), h;"
+        "equation der(q) = v; h = g(q); h_slope*der(v) = -5*q - h; end S;"
+    ).equations().equations
+    own, acceleration, q, h = sp.symbols("h_slope der(der(q)) q h")
+    assert sp.simplify(equation.residual / (own * acceleration + 5 * q + h)).is_number

@@ -61,7 +61,10 @@ class NamedCurves:
             hint = "a linear model in numbers has no such limit: `lmoc linearize`"
             name = self.flat.variable_name(curve)
             raise no_symbols(f"'{name}' is a curve through many points, and the equations have its derivatives", hint)
-        return sp.Symbol(self.flat.variable_name(curve) + _ENDINGS[order])
+        name = self.flat.variable_name(curve) + _ENDINGS[order]
+        while order > 0 and self.flat.find(name) is not None:  # a name that the model has given to something else
+            name += "_"
+        return sp.Symbol(name)
 
     @cached_property
     def derivative_of(self) -> dict[sympy.Symbol, tuple[int, int]]:
