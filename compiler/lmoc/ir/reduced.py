@@ -92,7 +92,8 @@ class Constraints:
     @property
     def place(self) -> np.ndarray:
         """Return where each entry is added to in the matrix by rows."""
-        return self.row.astype(np.int64) * len(self.variable) + self.column
+        found: np.ndarray = self.row.astype(np.int64) * len(self.variable) + self.column
+        return found
 
 
 @dataclass(frozen=True, eq=False)
