@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.run.segments import FINER
 from lmoc.numerics.steps.automatic import calibrated, growth, refined
 from lmoc.view.javascript.accuracy import refinement
 
 if TYPE_CHECKING:
     from lmoc.dae import CompiledDAE
     from lmoc.run import Run
-
-_ALL = 0.1  # factor in all coordinates of loops, as behind a change of coordinates (`numerics/run/segments.py`)
 
 
 def step_factor(dae: CompiledDAE, plan: Plan, run: Run, inputs: Mapping[str, float]) -> float:
@@ -27,7 +26,7 @@ def step_factor(dae: CompiledDAE, plan: Plan, run: Run, inputs: Mapping[str, flo
     """
     method, factor = str(run.stats["solver"]), calibrated(plan)
     if plan.reduced.in_all_coordinates:
-        factor *= _ALL
+        factor *= FINER  # as a run behind a change of coordinates
     if not set(method.split(", ")) <= {"dop853", "taylor"} or not len(plan.states):
         return factor
     formulation = "projected" if plan.reduced.in_all_coordinates else "auto"

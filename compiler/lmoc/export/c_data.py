@@ -16,6 +16,7 @@ from lmoc.lower.tape import SolveBlock, Tape
 from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
 from lmoc.numerics.dop853.rules import RULES
 from lmoc.numerics.evaluate import engine_stepper
+from lmoc.numerics.steps.automatic import NO_FINER
 
 _PER_LINE = 12
 _EMPTY = Tape(0, 0, (np.zeros(0), np.zeros(0)), 0, np.zeros(1, int), np.zeros(0, int), (), np.zeros(0, int))
@@ -184,7 +185,7 @@ def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
     parts += [_events(w, own), _laws(w, own), _jumps(w, own), _loops(w, own)]
     body = ",\n".join(parts)
     start, stop = float(own.run.time[0]), float(own.run.trajectory.planned)
-    ends = f"{_real(start)}, {_real(stop - start)}, {_real(tolerance)}, {_real(own.finer)}"
+    ends = f"{_real(start)}, {_real(stop - start)}, {_real(tolerance)}, {_real(own.finer)}, {_real(NO_FINER)}"
     arrays = "\n".join(w.lines)
     token = _token(arrays + body + ends, own.variables)
     head = '/* A scene as data, written by lmoc. */\n\n#include "fmu.h"\n\n'

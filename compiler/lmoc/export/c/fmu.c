@@ -8,7 +8,6 @@
 #include <stdlib.h>
 
 static const double SHORTEST = 8e-16; /* share of the time, up to which DOP853 has no step (`engine/c/walk.c`) */
-static const double NO_FINER = 1e-12; /* as in `numerics/steps/automatic.py` */
 enum { STANDING = 1000 };             /* events in a row between which the time does not go on */
 
 static const fmu_tape *tape_of(const fmu_model *m, int k) {
@@ -458,7 +457,9 @@ double fmu_next_break(const fmu *f) {
 double fmu_next(const fmu *f) { return fmin(fmu_next_break(f), f->now.next); }
 
 /* The tolerance of steps, with which a run as a whole keeps the one that is asked for. */
-static double tolerance(const fmu *f) { return fmax(f->now.rtol * f->model->finer, fmin(f->now.rtol, NO_FINER)); }
+static double tolerance(const fmu *f) {
+  return fmax(f->now.rtol * f->model->finer, fmin(f->now.rtol, f->model->no_finer));
+}
 
 static double first_step(fmu *f, double span, const double *slope, const double *atol, double *x, double *trial) {
   const int64_t n = f->model->states;

@@ -119,7 +119,7 @@ typedef struct {
   fmu_jumps jumps;
   fmu_loops loops;
   double start_time, span, tolerance;     /* s, of the experiment */
-  double finer;                           /* factor on the tolerance of steps, as `simulate` has one */
+  double finer, no_finer;                 /* factor on the tolerance of steps, and its least result */
 } fmu_model;
 
 extern const fmu_model lmoc_fmu_model;

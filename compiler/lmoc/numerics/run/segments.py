@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.run.changes import Changes, Continuation
 
 _ROUNDING = 5e-11  # of the size of the states: tolerances are no finer where constraints almost depend on each other
-_FINER = 0.1  # factor on the tolerances of segments after a change of coordinates
+FINER = 0.1  # factor on the tolerances of segments after a change of coordinates
 
 
 def run_segments(
@@ -321,7 +321,7 @@ class _Run:
             bounds = replace(bounds, longest=min(self.longest, watched.longest_step), kept=now.kept)
         # what follows from the states is known less well than they are, where one choice after the other divides by it
         if self.segments and (self.segment.watch is not None or self._went_over):
-            bounds = replace(bounds, finer=_FINER)
+            bounds = replace(bounds, finer=FINER)
         outcome = watched.after(self.solver(self.segment, x, bounds))
         if self.segment.loops is not None and outcome.status.failed:
             self.lost = self.segment.loops.why(outcome.status)
@@ -371,7 +371,7 @@ class _Run:
         else:
             sizes = assumed_sizes(self.segment.plan, self.task.values, outcome.x, self.task.sizes)
             tolerance = self.tolerances.rtol * np.abs(outcome.x) + self.tolerances.absolute(self.segment, outcome.x)
-            continuation = self.changes.onward(self.segment, outcome, np.maximum(_FINER * tolerance, _ROUNDING * sizes))
+            continuation = self.changes.onward(self.segment, outcome, np.maximum(FINER * tolerance, _ROUNDING * sizes))
             self.lost = self.changes.reason
         if continuation is None:
             return replace(outcome, status=Status.SINGULAR)
