@@ -10,6 +10,7 @@ import pytest
 from oracles.fmu import begin, by_cvode, instance, simulated
 
 import lmoc
+from lmoc.export import fmu as exporting
 from lmoc.export.fmu import find_compiler
 
 fmpy = pytest.importorskip("fmpy")
@@ -285,6 +286,22 @@ def test_directional_derivatives(driven) -> None:
     assert along(speed, rates) == pytest.approx([1, -1])
     assert along(references["u"], [rates[1], references["x"]]) == pytest.approx([0.5, 0])
     fmu.freeInstance()
+
+
+def test_the_engine_is_compiled_once_for_all_scenes_and_processes(monkeypatch, tmp_path):
+    compiler = find_compiler()
+    made = exporting._objects(compiler, 3)
+    exporting._objects.cache_clear()  # as in another process
+    monkeypatch.setattr(exporting, "_compiled", lambda *_: {})
+    assert exporting._objects(compiler, 3) == made and len(made) > 20
+    exporting._objects.cache_clear()
+    monkeypatch.setenv("LMOC_CACHE", str(tmp_path))
+    assert exporting._objects(compiler, 3) == {}, "an empty cache"
+    exporting._objects.cache_clear()
+    monkeypatch.setattr(exporting, "_compiled", lambda *_: {"a.o": b""})
+    monkeypatch.setattr(exporting, "_version", lambda _: "another compiler of the same name")
+    assert exporting._objects(compiler, 3) == {"a.o": b""}
+    exporting._objects.cache_clear()
 
 
 def test_sources_rebuild_to_the_same(driven, tmp_path) -> None:

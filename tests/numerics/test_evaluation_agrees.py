@@ -86,9 +86,14 @@ def points(dae: lmoc.DAE, plan: Plan, count: int) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("path", MODELS, ids=lambda p: f"{p.parent.name}/{p.stem}")
-def test_the_engine_and_numpy_agree(path: Path) -> None:
+def test_the_engine_and_numpy_agree_and_so_do_shapes_and_scalars(path: Path) -> None:
     dae = compiled(path)
     plan, found = systems(dae)
+    assert_engine_and_numpy_agree(dae, plan, found)
+    assert_shapes_and_scalars_agree(dae, plan, found["numpy"])
+
+
+def assert_engine_and_numpy_agree(dae: lmoc.DAE, plan: Plan, found: dict[str, System]) -> None:
     for t, x in zip((0.0, 0.37), points(dae, plan, 2), strict=True):
         reference = derivatives(found["numpy"], t, x)
         jacobian = found["numpy"].jacobian(t, x) if len(x) else np.zeros((0, 0))
@@ -106,10 +111,7 @@ def one_row_a_group(flat: FlatDAE) -> FlatDAE:
     return replace(flat, groups=tuple(groups), sums=Sums(s.start, s.index, s.sign, s.spans, s.span_of))
 
 
-@pytest.mark.parametrize("path", MODELS, ids=lambda p: f"{p.parent.name}/{p.stem}")
-def test_shapes_and_scalars_agree(path: Path) -> None:
-    dae = compiled(path)
-    plan, found = systems(dae)
+def assert_shapes_and_scalars_agree(dae: lmoc.DAE, plan: Plan, by_numpy: System) -> None:
     prepared = dae.prepare()
     named = all(prepared.flat.find(s) is not None for s in dae.states)  # else a law has made states of its own
     scalar = reduce_with_laws(one_row_a_group(prepared.flat), prepared.values, dae.states if named else None)
@@ -124,8 +126,8 @@ def test_shapes_and_scalars_agree(path: Path) -> None:
     (x,) = points(dae, plan, 1)
     y = np.empty(len(x))
     y[order] = x
-    reference = derivatives(found["numpy"], 0.21, x)
-    jacobian = found["numpy"].jacobian(0.21, x) if len(x) else np.zeros((0, 0))
+    reference = derivatives(by_numpy, 0.21, x)
+    jacobian = by_numpy.jacobian(0.21, x) if len(x) else np.zeros((0, 0))
     assert_entries_close(derivatives(system, 0.21, y)[order], reference, np.abs(jacobian) @ np.abs(x))
     if len(x):
         row = np.maximum(np.abs(jacobian).max(axis=1, keepdims=True), 0.1 * np.abs(jacobian).max())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 import platform
 import re
 import shlex
@@ -21,6 +23,7 @@ from lmoc.export.c_data import c_data
 from lmoc.export.description import TYPES, build_description, model_description
 from lmoc.export.executable import executable
 from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.support import cache
 from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
 
@@ -226,11 +229,31 @@ def _build(compiler: _Compiler, fmi: int, data: Path, target: Path) -> None:
 
 @lru_cache(maxsize=4)
 def _objects(compiler: _Compiler, fmi: int) -> dict[str, bytes]:
-    """Return the engine, compiled: the same for all scenes."""
+    """Return the engine, compiled: the same for all scenes, and so kept for the next process, too."""
+    sources = _sources(fmi)
+    made_from = repr((compiler, _version(compiler), OPTIONS, sources)).encode()
+    key = hashlib.sha256(made_from).digest()
+    name = f"fmu-{key.hex()[:16]}"
+    kept = cache.read(name, key)
+    if kept is not None:
+        return pickle.loads(kept)
+    found = _compiled(compiler, sources)
+    cache.write(name, key, pickle.dumps(found))
+    cache.prune("fmu-", most=8)  # two versions of FMI for several systems
+    return found
+
+
+def _version(compiler: _Compiler) -> str:
+    """Return what a compiler says of itself: after an upgrade it may have the same name and give other bits."""
+    return subprocess.run([*compiler.command, "--version"], capture_output=True, text=True, errors="replace").stdout
+
+
+def _compiled(compiler: _Compiler, sources: dict[str, str]) -> dict[str, bytes]:
+    """Return the objects of C files by their names."""
     with tempfile.TemporaryDirectory(prefix="lmoc-fmu-") as folder:
         root = Path(folder)
         found = {}
-        for name, text in _sources(fmi).items():
+        for name, text in sources.items():
             (root / name).write_text(text, encoding="utf-8")
         for source in sorted(root.glob("*.c")):
             made = source.with_suffix(".o")
