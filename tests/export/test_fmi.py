@@ -10,8 +10,10 @@ import pytest
 from oracles.fmu import begin, by_cvode, instance, simulated
 
 import lmoc
+from lmoc.export import executable
 from lmoc.export import fmu as exporting
 from lmoc.export.fmu import find_compiler
+from lmoc.export.laws import MOST_LAWS
 
 fmpy = pytest.importorskip("fmpy")
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="there is no C compiler")
@@ -286,6 +288,43 @@ def test_directional_derivatives(driven) -> None:
     assert along(speed, rates) == pytest.approx([1, -1])
     assert along(references["u"], [rates[1], references["x"]]) == pytest.approx([0.5, 0])
     fmu.freeInstance()
+
+
+def test_parameters_that_decide_the_start_are_found_among_many(tmp_path, monkeypatch) -> None:
+    """Also by a comparison that one of two equal ones turns, up or down; the others are tried together."""
+    text = """model Held
+  parameter Real w[200] = fill(0.5, 200);
+  parameter Real a = 1;
+  parameter Real b = 1;
+  Mass mass(m = 2, g = -9.81, q(start = if a > b then 1 else 0, fixed = true));
+  Stop stop(L = -3, e = 1);
+  Fixed floor;
+  Force push(f = -sum(w)*mass.q);
+equation
+  connect(push.flange, mass.flange);
+  connect(floor.flange, stop.a);
+  connect(stop.b, mass.flange);
+end Held;"""
+    tried, same = [], executable._Tried._same_with
+    monkeypatch.setattr(executable._Tried, "_same_with", lambda own, new: tried.append(new) or same(own, new))
+    monkeypatch.setenv("LMOC_CC", "")
+    exported = lmoc.compile_text(text).export(tmp_path / "held.fmu")
+    assert exported.fixed == ("a", "b") and len(tried) < 60
+
+
+def test_laws_too_many_for_tables_of_pairs_are_refused(tmp_path) -> None:
+    text = f"""model M
+  Mass m[{MOST_LAWS + 2}](each m = 1);
+  Cable c[{MOST_LAWS + 1}](each L = 1);
+equation
+  for i in 1:{MOST_LAWS + 1} loop
+    connect(m[i].flange, c[i].a);
+    connect(c[i].b, m[i + 1].flange);
+  end for;
+end M;"""
+    with pytest.raises(lmoc.ModelError, match="at most") as caught:
+        lmoc.compile_text(text).export(tmp_path / "m.fmu")
+    assert caught.value.diagnostics[0].code == "E0669"
 
 
 def test_the_engine_is_compiled_once_for_all_scenes_and_processes(monkeypatch, tmp_path):

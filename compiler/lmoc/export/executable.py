@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,8 +36,10 @@ if TYPE_CHECKING:
     from lmoc.dae import CompiledDAE
     from lmoc.run import Run
 
-MOST_TRIED = 300  # parameters whose influence on structure and start is tried out; further ones stay as they are
-_ASIDE = 1.0 + 2.0**-10
+MOST_TRIED = 300  # groups of parameters whose influence on structure and start is tried out; others stay as they are
+MOST_VALUES = 200_000  # of variables in all trials: a start of a thousand strings takes 0.2 s
+_ASIDE = 2.0**-10
+_GOLDEN = 0.618033988749895  # its multiples lie apart from each other modulo 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,25 +334,53 @@ class _Tried:
             for v in range(b.offset, b.offset + b.size)
             if not bound[v] and np.isfinite(self.dae.values[v])
         ]
-        found = [v for v in candidates[:MOST_TRIED] if self._is_free(v)]
-        free = set(found)
-        return np.array(found, int), tuple(flat.variable_name(v) for v in candidates if v not in free)
+        free = self._free_ones(candidates)
+        return np.array(sorted(free), int), tuple(flat.variable_name(v) for v in candidates if v not in free)
 
-    def _is_free(self, variable: int) -> bool:
-        """Whether a change of this parameter changes nothing but numbers in the equations."""
-        flat, value = self.dae.flat, float(self.dae.values[variable])
-        name = flat.variable_name(variable)
-        changed = value * _ASIDE if value else 2.0**-10
-        values = flat.parameter_values({**_overrides(flat), variable: changed})
+    def _free_ones(self, candidates: list[int]) -> set[int]:
+        """Return which of them may change: tried together, and by halves where something depends on one of them.
+
+        Adaptive group testing (Hwang, "A method for detecting all defective members in a population by group testing",
+        1972): a few trials where few parameters matter. Their number is bounded, by the size of the scene, too.
+        """
+        free: set[int] = set()
+        groups = deque([candidates] if candidates else [])
+        trials = min(MOST_TRIED, 1 + MOST_VALUES // self.dae.flat.count)
+        while groups and trials > 0:
+            group, trials = groups.popleft(), trials - 1
+            if self._are_free(group):
+                free.update(group)
+            elif len(group) > 1:
+                groups.extend((group[: len(group) // 2], group[len(group) // 2 :]))
+        return free
+
+    def _are_free(self, variables: list[int]) -> bool:
+        """Whether changes of these parameters, up and down, change nothing but numbers in the equations.
+
+        Each changes by a part of its own: quotients and differences of several change, and their order.
+        """
+        own = {v: _ASIDE * (1.0 + v * _GOLDEN % 1.0) for v in variables}
+        values = {v: float(self.dae.values[v]) for v in variables}
+        same = {
+            self._same_with({v: values[v] * (1.0 + sign * own[v]) if values[v] else own[v] for v in variables})
+            for sign in (1.0, -1.0)
+        }
+        return same == {True} or (len(variables) == 1 and same == {True, None})
+
+    def _same_with(self, changed: dict[int, float]) -> bool | None:
+        """Whether structure, kinks and start are the same with other values of parameters; None: impossible ones."""
+        flat = self.dae.flat
+        values = flat.parameter_values({**_overrides(flat), **changed})
         if any(r.broken_guard(values) is not None for r in (self.dae.reduced, self.plan.reduced)):
             return False
         if not np.array_equal(self._break_times(values), self._breaks):
             return False
         try:
             only = [self.span[0]]
-            run = self.dae.simulate(times=only, parameters={name: changed}, inputs=self.inputs, energy=False)
+            named = {flat.variable_name(variable): value for variable, value in changed.items()}
+            run = self.dae.simulate(times=only, parameters=named, inputs=self.inputs, energy=False)
         except ModelError:
-            return False  # not even so small a change is possible: it stays as it is
+            return None  # such as a string that is too short for where its ends begin
         if not np.array_equal(self._discrete(values), self._discrete(self.dae.values)):
             return False
         found = _start(run, len(self.start))

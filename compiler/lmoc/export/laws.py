@@ -23,6 +23,7 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
+MOST_LAWS = 300  # tables of what each does to all others: 23 numbers a pair, 12 MB of C for 300
 _SAMPLES = 40  # places of a run at which the rounding of levels is bounded
 
 
@@ -75,6 +76,8 @@ def why_not(plan: Plan) -> str:
     form, flat = plan.reduced.switched, plan.reduced.flat
     if form is None:
         return ""
+    if form.count > MOST_LAWS:
+        return f"it has {form.count} laws, of which each may act on all others: an FMU holds {MOST_LAWS} at most"
     names = law_names(flat, form.laws)
     jenkins = [name for name, degree in zip(names, form.degree, strict=True) if degree == JENKINS]
     if jenkins:
