@@ -165,7 +165,7 @@ class ExpressionActions:
         right = self.unary([sign, operand], at, stop)
         return self.binary([left, op, right], start, end)
 
-    wrong_signed_exponent = wrong_signed_factor
+    wrong_signed_exponent = wrong_signed_term = wrong_signed_factor
 
     def wrong_power(self, v: list, start: int, end: int) -> tree.Expression:
         self.report.error(
