@@ -110,10 +110,12 @@ def _without_rounding(value: complex) -> complex:
 
 def complex_numbers(values: Iterable[complex], most: int = 12) -> str:
     """Listed, the two of a pair as one."""
-    values = list(values)
+    import numpy as np
+
+    listed = np.array(list(values), complex)
     texts = []
-    for value in values:
-        paired = any(abs(value.conjugate() - other) <= 1e-9 * abs(value) for other in values)
+    for value in listed.tolist():
+        paired = bool(np.any(np.abs(value.conjugate() - listed) <= 1e-9 * abs(value)))
         if value.imag >= 0 or not paired:
             texts.append(complex_number(value, paired and value.imag > 0))
     return names(texts, most) or "none"
