@@ -109,7 +109,7 @@ class CompiledDAE(CompiledModel):
         options = RunOptions(
             start, stop, points, times, rtol, atol, solver, formulation, energy, names_of(keep), max_step, step
         )
-        request = Request(options, parameters, initial, inputs, progress, self.timings)
+        request = Request(options, parameters, initial, inputs, progress, self.timings, [] if sensitivities else None)
         run = simulation.simulate(self._session, request, Clock(listener))
         if sensitivities:
             run.tangents = simulation.sensitivities(self._session, request, run, names_of(sensitivities) or ())

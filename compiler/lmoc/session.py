@@ -24,6 +24,7 @@ from lmoc.semantics.parameter_checks import check_parameters
 from lmoc.structure.coordinates.shared import Shared
 
 if TYPE_CHECKING:
+    from lmoc.numerics.events.occasion import Occasion
     from lmoc.numerics.observe.trajectory import Trajectory
     from lmoc.numerics.options.formulations import Requested
     from lmoc.numerics.options.options import RunOptions
@@ -307,12 +308,15 @@ class Session:
         inputs: Mapping[str, object] | None = None,
         initial: Mapping[str, float] | None = None,
         progress: Progress | None = None,
+        occasions: list[Occasion] | None = None,
     ) -> Trajectory:
         """Simulate once; concurrent runs are serialized. Parameters and errors as of `Simulator.run`."""
         with self._busy:
             simulator, values = self.simulator(prepared.reduced), prepared.values
             if prepared.minimal is None:
-                return simulator.run(values, options, inputs, initial, progress, OtherCoordinates(self, prepared))
+                return simulator.run(
+                    values, options, inputs, initial, progress, OtherCoordinates(self, prepared), occasions
+                )
             place = self.simulator(prepared.minimal).start(values, options, inputs, initial)
             return simulator.run(values, options, inputs, place, progress)
 

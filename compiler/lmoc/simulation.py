@@ -21,13 +21,12 @@ from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.evaluate.functions import StartValues
+    from lmoc.numerics.events.occasion import Occasion
     from lmoc.numerics.observe.trajectory import End, SegmentRecord, Trajectory
     from lmoc.numerics.options.options import RunOptions
     from lmoc.numerics.run.sensitivities import Direction, Sensitivities, Tangent
     from lmoc.run import Run
     from lmoc.symbolic.places import Point
-
-_FINER, _FINEST = 1e-3, 1e-12  # of the run's tolerance, and at least: of the short runs over an event
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,7 @@ class Request:
     options : span, output times, tolerances, solver
     parameters, initial, inputs, progress : as in `lmoc.DAE.simulate`
     compiled : {stage: seconds} of the compilation, for the run's timings
+    occasions : takes the instants at which something happens; None where nobody asks
     """
 
     options: RunOptions
@@ -47,6 +47,7 @@ class Request:
     inputs: Mapping[str, object] | None = None
     progress: Callable[[float, float], None] | None = None
     compiled: Mapping[str, float] = field(default_factory=dict)
+    occasions: list[Occasion] | None = None
 
 
 def simulate(session: Session, request: Request, clock: Clock | None = None) -> Run:
@@ -102,7 +103,8 @@ def run_prepared(session: Session, prepared: Prepared, request: Request, clock: 
 
     try:
         with clock.stage("simulate"):
-            trajectory = session.run(prepared, request.options, request.inputs, request.initial, request.progress)
+            given = request.options, request.inputs, request.initial, request.progress, request.occasions
+            trajectory = session.run(prepared, *given)
     except ModelError as error:
         doubts = () if request.initial or not _missed_its_start(error) else _doubts(prepared)
         if doubts:
@@ -178,33 +180,19 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
         raise refused("a parameter that was given shapes the model", "give it when the scene is compiled")
     segment = run.trajectory.segments[0]
     directions = [_direction(at_work, request, prepared, segment, name) for name in dict.fromkeys(names)]
+    changing = [d for d in directions if d.is_parameter]
+    if changing:
+        sides = np.concatenate([d.around[:, -2:] for d in changing], axis=1)  # what holds a little aside holds nearby
+        held = prepared.reduced.guards_hold(sides, near=True)
+        if not held.all():
+            name = changing[int(np.flatnonzero(~held)[0]) // 2].name
+            raise refused(f"the reduction assumes a value of '{name}' that it may not leave")
     first = _first(session, request, run, directions)
-    begin = first.time
     explicit = set(str(run.stats["solver"]).split(", ")) <= EXPLICIT
-    fine = max(_FINER * float(run.stats["rtol"]), _FINEST)
-
-    def flow(end: End, until: float, parameters: Mapping[str, Value]) -> Trajectory:
-        options = replace(
-            request.options, start=None, stop=None, points=None, times=[until], rtol=fine, keep=None, max_seconds=None
-        )
-        changed = {**(request.parameters or {}), **parameters}
-        own = replace(request, options=options, initial=end, parameters=changed, progress=None)
-        return simulate(session, own).trajectory
-
-    def wholes(direction: Direction, change: float) -> Trajectory:
-        options = replace(request.options, stop=None, points=None, times=[begin, run.trajectory.last[0]], keep=None)
-        changed, initial = {**(request.parameters or {}), **direction.parameters(change)}, request.initial
-        if not direction.is_parameter:
-            initial = {**(request.initial or {}), direction.name: direction.value + change}
-        own = replace(request, options=options, initial=initial, parameters=changed, progress=None)
-        return simulate(session, own).trajectory
-
-    return with_events(run.trajectory, first, directions, explicit, flow, wholes)
+    return with_events(run.trajectory, first, directions, explicit, request.occasions or ())
 
 
-def _direction(
-    session: Session, request: Request, prepared: Prepared, segment: SegmentRecord, name: str
-) -> Direction:
+def _direction(session: Session, request: Request, prepared: Prepared, segment: SegmentRecord, name: str) -> Direction:
     """Return what is differentiated by."""
     from lmoc.ir.flat import Kind
     from lmoc.numerics.run.sensitivities import Direction, changed_values, refused, same_values
@@ -223,10 +211,7 @@ def _direction(
             raise refused(f"'{name}' is no number that changes continuously")
         size = abs(value) or 1.0
         changed = partial(changed_values, flat, held, variable, prepared.reduced.flat.count)
-        direction = Direction(name, value, size, changed, True)
-        if not prepared.reduced.guards_hold(direction.around, near=True).all():
-            raise refused(f"the reduction assumes a value of '{name}' that it may not leave")
-        return direction
+        return Direction(name, value, size, changed, True)
     if flat.kind[variable] != Kind.UNKNOWN or isinstance(request.initial, str) or hasattr(request.initial, "time"):
         raise refused(f"'{name}' is neither a parameter nor a variable that is free at the start")
     place = _start_of(session, request, segment)[None, : len(segment.observer.plan.states)]
@@ -314,7 +299,8 @@ def _start_states(
     options = replace(request.options, start=segment.begin, stop=None, points=None, times=[segment.begin], keep=None)
     given = {**(request.initial or {}), **initial} if initial else request.initial
     changed = {**(request.parameters or {}), **parameters}
-    found = simulate(session, replace(request, options=options, parameters=changed, initial=given, progress=None))
+    own = replace(request, options=options, parameters=changed, initial=given, progress=None, occasions=None)
+    found = simulate(session, own)
     start = found.trajectory.segments[-1]
     if start.coordinates != segment.coordinates:
         raise refused("the coordinates at the start depend on its values")

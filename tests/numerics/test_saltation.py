@@ -129,6 +129,80 @@ def test_discrete_variables_and_reinit():
     assert not run.sensitivity("y", "p")[run.time < 0.64].any()
 
 
+TIMED = """
+model Timed "what happens at times that are parameters"
+  parameter Real t0 = 0.4, k = 3, T = 0.35;
+  Real x(start = 1, fixed = true);
+  Real y(start = 0, fixed = true);
+  discrete Real u(start = 0, fixed = true);
+equation
+  der(x) = -k*x;
+  der(y) = u;
+  when time > t0 then
+    reinit(x, 2*pre(x) + t0);
+  end when;
+  when sample(0.1, T) then
+    u = x;
+  end when;
+end Timed;
+"""
+
+
+def test_times_that_are_parameters():
+    """x = e^{-kt}, behind t0 plus (e^{-k t0} + t0) e^{-k(t - t0)}; y rises with x(0.1), then with x(0.1 + T)."""
+    run = lmoc.compile_text(TIMED).simulate(stop=0.7, points=7, rtol=1e-9, sensitivities=("t0", "k", "T"))
+    t, k, t0, T = run.time, 3.0, 0.4, 0.35
+    late, second = t > t0, t > 0.1 + T
+    x = np.exp(-k * t) + late * (np.exp(-k * t0) + t0) * np.exp(-k * (t - t0))
+    by_t0 = (1 + k * t0) * np.exp(-k * (t - t0))  # of its part behind t0
+    assert run["x"] == pytest.approx(x, rel=1e-8)
+    seen = 2 * np.exp(-k * 0.45) + t0 * np.exp(-k * 0.05)
+    moved = np.exp(-k * 0.1) - seen - k * seen * (t - 0.45)
+    assert run.sensitivity("x", "t0") == pytest.approx(late * by_t0, abs=1e-7)
+    assert run.sensitivity("y", "T") == pytest.approx(second * moved, abs=1e-7)
+    assert not run.sensitivity("x", "T").any()
+
+
+def test_a_pendulum_changes_its_coordinates_between_events():
+    """With another g there is the same swing in another time, which goes with 1/sqrt(g)."""
+    text = (ROOT / "models/planar/pendulum_cartesian.lmo").read_text()
+    declared = "\n  discrete Real seen(start = 0, fixed = true);\nequation\n"
+    text = text.replace("\nequation", f"{declared}  when x < 0.2 then\n    seen = time;\n  end when;", 1)
+    run = lmoc.compile_text(text).simulate(stop=2.2, points=12, rtol=1e-9, sensitivities="g")
+    assert len(run.trajectory.segments) > 3 and [event.kind for event in run.events] == ["when"]
+    seen = run["seen"]
+    assert run.sensitivity("seen", "g") == pytest.approx(-seen / (2 * 9.81), abs=1e-8)
+    assert run.sensitivity("x", "g") == pytest.approx(run["vx"] * run.time / (2 * 9.81), abs=1e-6)
+
+
+TWO = """
+model Two "balls on one floor"
+  parameter Real e = 0.8, h = 1, low = 1;
+  Mass a(m = 2, g = -9.81, q(start = h, fixed = true), v(start = 0, fixed = true));
+  Mass b(m = 1, g = -9.81, q(start = h*low, fixed = true), v(start = 0, fixed = true));
+  Fixed floor;
+  Stop one(L = 0, e = e);
+  Stop two(L = 0, e = 0.5);
+equation
+  connect(floor.flange, one.a);
+  connect(one.b, a.flange);
+  connect(floor.flange, two.a);
+  connect(two.b, b.flange);
+end Two;
+"""
+
+
+def test_events_at_one_instant():
+    dae = lmoc.compile_text(TWO)
+    run = dae.simulate(stop=0.8, points=9, rtol=1e-9, sensitivities=("e", "h"))
+    assert [event.time for event in run.events] == pytest.approx([np.sqrt(2 / 9.81)] * 2)
+    for ball, e in (("a", 0.8), ("b", 0.5)):
+        truth = _differences(lambda **v: _ball(run.time, **v), {"e": e, "h": 1.0, "g": 9.81}, "h")
+        assert run.sensitivity(f"{ball}.q", "h") == pytest.approx(truth, abs=1e-7)
+    with pytest.raises(ModelError, match="at one instant only for this value of 'low'"):
+        dae.simulate(stop=0.8, points=9, sensitivities="low")
+
+
 @pytest.mark.parametrize(
     ("file", "names", "stop"),
     [

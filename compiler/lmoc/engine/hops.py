@@ -40,6 +40,14 @@ class Hops:
         self._reference = ctypes.byref(self._data)
         self._kept: list[object] = []
 
+    def memory(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return what it knows, for `recall`."""
+        return self.times.copy(), self._home.copy(), self.soon
+
+    def recall(self, memory: tuple[np.ndarray, np.ndarray, float]) -> None:
+        """Know what it has known."""
+        self.times[:], self._home[:], self._data.soon = memory
+
     @property
     def soon(self) -> float:
         """s, after which the first function that has left zero is back; infinity where none is on its way."""

@@ -78,6 +78,8 @@ class Instant:
     zero: np.ndarray
     margin: np.ndarray
     largest: np.ndarray
+    high: np.ndarray
+    crossed: np.ndarray
     bound: np.ndarray
     way: np.ndarray
     supposed: np.ndarray
@@ -114,6 +116,10 @@ class Instant:
     def fill(self, values: np.ndarray) -> None:
         """Take the first values of the memory."""
         self.v[: len(values)] = self._line[: len(values)] = values
+
+    def give(self, places: np.ndarray, values: np.ndarray) -> None:
+        """Take other values of parameters."""
+        self.v[places] = self._line[places] = values
 
     def view(self, tape: Tape, states: np.ndarray, given: np.ndarray, zero: np.ndarray, seen: np.ndarray) -> Kernel:
         """Look by a program: registers of states, of discrete values and zero functions; (2, k) of what is seen."""

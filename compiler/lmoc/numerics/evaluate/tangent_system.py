@@ -46,7 +46,7 @@ class Tangents:
     accelerator: TapeAccelerator
 
 
-def _kept(plan: Plan) -> dict[tuple[bytes, bytes], Tangents]:
+def _kept(plan: Plan) -> dict[tuple[bytes, bytes, int], Tangents]:
     return {}
 
 
@@ -58,7 +58,7 @@ def tangents_of(plan: Plan, registers: np.ndarray, moves: np.ndarray) -> Tangent
     registers : (k,) parameters that move
     moves : (k, m) in which directions they do
     """
-    kept, key = plan.once(_kept), (registers.tobytes(), moves.tobytes())
+    kept, key = plan.once(_kept), (registers.tobytes(), moves.tobytes(), moves.shape[1])
     if key not in kept:
         for oldest in list(kept)[: 1 - _KEPT]:
             kept.pop(oldest, None)
@@ -73,9 +73,11 @@ def _made(plan: Plan, registers: np.ndarray, moves: np.ndarray) -> Tangents:
     )
     directions = directions.reshape(k, m)
     columns = inputs.reshape(1 + m, n).T
-    program = *_moved(plan.states, columns[:, 0], columns[:, 1:], np.ones((n, m), bool), z), *_moved(
-        registers, held, directions, moves, z
-    ), *plan.program
+    program = (
+        *_moved(plan.states, columns[:, 0], columns[:, 1:], np.ones((n, m), bool), z),
+        *_moved(registers, held, directions, moves, z),
+        *plan.program,
+    )
     count = plan.count + n * (1 + m) + k * (1 + m) + m
     rule = ChainRule(program, z, plan.derivatives, count)
     tape = derivatives_tape(program, rule, count, values=True)
@@ -102,6 +104,10 @@ def _moved(out: np.ndarray, held: np.ndarray, by: np.ndarray, moves: np.ndarray,
 class TangentSystem(EngineSystem):
     """The tangents of a plan, for one set of directions.
 
+    Attributes
+    ----------
+    directions : as given; others of the same pattern may take their place before `prepare`
+
     Its Jacobian is that of the states for each of the tangents: how these rates depend on the states themselves is
     left out, which Newton's method can do without.
     """
@@ -115,14 +121,14 @@ class TangentSystem(EngineSystem):
         """
         own = tangents_of(plan, registers, directions != 0)
         super().__init__(plan, own.program, own.inputs, own.outputs, own.accelerator)
-        self._own_registers, self._moving, self._directions = own, registers, directions
+        self._own_registers, self._moving, self.directions = own, registers, directions
         self._copies = 1 + directions.shape[1]
         self._states: EngineSystem | None = None
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         own = self._own_registers
         self.w[self.plan.count :] = 0.0
-        self.w[own.held], self.w[own.directions] = base[self._moving], self._directions
+        self.w[own.held], self.w[own.directions] = base[self._moving], self.directions
         super().prepare(base, signals)
         self._states = None
 

@@ -26,6 +26,14 @@ class Crossings:
     def __init__(self, zeros: int, begin: float, end: float) -> None:
         self._hops, self._begin = Hops(zeros, begin, end), begin
 
+    def memory(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return what it knows, for `recall`."""
+        return self._hops.memory()
+
+    def recall(self, memory: tuple[np.ndarray, np.ndarray, float]) -> None:
+        """Know what it has known."""
+        self._hops.recall(memory)
+
     @property
     def soon(self) -> float:
         """s, after which the first function that has left zero at once is back; infinity where none is on its way."""

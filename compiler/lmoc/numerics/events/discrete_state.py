@@ -16,7 +16,7 @@ from lmoc.engine.instant import BEGUN, SETTLED, Instant
 from lmoc.engine.kernel import Kernel
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
-from lmoc.ir.flat import FlatDAE
+from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.tables import PlanTables
 from lmoc.numerics.events.trials import prefer_regular
@@ -26,6 +26,8 @@ from lmoc.numerics.observe.one_state import why_not
 from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
+
+_REMEMBERED = ("v", "zero", "margin", "largest", "high", "crossed", "early")
 
 
 class Unsettled(Exception):
@@ -99,6 +101,9 @@ class DiscreteState:
         self, layout: EventLayout, values: np.ndarray, base: np.ndarray, signals: Mapping[int, Signal], time: float
     ) -> None:
         self.signals, self._begun = signals, time
+        self._recalled: Mapping[str, np.ndarray] | None = None
+        self._bounds: list[tuple[np.ndarray, np.ndarray]] = []  # that have been asked for at what is recalled
+        self._asked = 0
         self._bind(layout, base, initial_values(layout.flat, values))
         self.time, self.literal = time, True
         self.remember()
@@ -133,6 +138,30 @@ class DiscreteState:
         for name in ("zero", "margin", "largest"):
             getattr(self._instant, name)[:] = getattr(before, name)
         self.time, self.literal = time, literal
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Return what decides about the next instant, for `recall`."""
+        return {name: getattr(self._instant, name).copy() for name in _REMEMBERED}
+
+    def recall(self, memory: Mapping[str, np.ndarray], values: np.ndarray, change: np.ndarray) -> None:
+        """Be as it was before an instant, with other values.
+
+        Parameters
+        ----------
+        values : (flat.count,) of parameters
+        change : (discrete,) what is added to the discrete values
+        """
+        e, flat, discrete = self._instant, self.layout.flat, self.layout.events.discrete
+        if memory is not self._recalled:
+            self._recalled, self._bounds = memory, []
+        self._asked = 0
+        for name, value in memory.items():
+            getattr(e, name)[:] = value
+        given = np.flatnonzero(flat.kind[: len(values)] < Kind.INPUT)
+        e.give(given, values[given])
+        self.v[discrete] += change
+        e.data.bound_known = 0
+        self._pushed = None
 
     @property
     def time(self) -> float:
@@ -216,8 +245,19 @@ class DiscreteState:
         """Bound the rounding of the zero functions.
 
         A state is off by a digit of itself or of its way, whatever number it has come to, and by what the rounding of
-        its rate has added up to.
+        its rate has added up to. Where an instant is repeated with other values they are those of the first time.
         """
+        e, known = self._instant, self._recalled is not None and self._asked < len(self._bounds)
+        if known:
+            e.bound[:], e.way[:] = self._bounds[self._asked]
+        else:
+            self._find_new_bounds(t, x)
+        if self._recalled is not None:
+            self._asked += 1
+            self._bounds += [] if known else [(e.bound.copy(), e.way.copy())]
+        return True
+
+    def _find_new_bounds(self, t: float, x: np.ndarray) -> None:
         w, plan = self.registers(t, x), self.layout.plan
         count, passed = self.layout.zero_count, t - self._begun
         rates = _finite(self.layout.rounding(w, t))[count:]
@@ -226,7 +266,6 @@ class DiscreteState:
             :count
         ]
         self._instant.way[:] = way
-        return True
 
     def registers(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return (layout.count,) registers with all that is given at a place."""
@@ -449,6 +488,17 @@ class DiscreteState:
         sides = np.empty(self._instant.roots)
         self._instant.call("lmoc_root_sides", sides)
         return sides
+
+    def heights(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Return the functions of `roots` without what keeps them from being noticed twice, unlooked at.
+
+        For the values that have been pushed.
+        """
+        layout = self.layout
+        zero, now = self._zeros(times, states), self.v[layout.zero_target[layout.rounded]]
+        found = np.concatenate([zero, now + 1 - zero[:, layout.rounded]], axis=1)
+        found[:, layout.rounded] -= now
+        return found
 
     def roots(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return the functions whose change of sign is an event: the zero functions; of a rounded one both edges."""

@@ -31,6 +31,7 @@ _PHASE = 200.0  # rad, that a sine in a condition goes on in a step at most
 _LOOKS = 120  # steps at least in a run with relations of time that are not linear in it
 
 Step = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # as `stepping.Stepping`
+HandlerMemory = tuple[EventLayout, dict[str, np.ndarray], tuple[np.ndarray, np.ndarray, float], float]
 Starter = Callable[[np.ndarray], np.ndarray]  # (registers that do not change) -> states at the start
 
 
@@ -85,6 +86,34 @@ class EventHandler:
         self.discrete.push()
         self.discrete.look(t, x)
         self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
+
+    def memory(self) -> HandlerMemory:
+        """Return what decides about the next instant, for `recall`."""
+        return self.layout, self.discrete.memory(), self._crossings.memory(), self.next
+
+    def recall(
+        self, memory: HandlerMemory, values: np.ndarray, base: np.ndarray, change: np.ndarray, since: float
+    ) -> None:
+        """Be as the events were before an instant, with other values.
+
+        Parameters
+        ----------
+        values : (flat.count,) of parameters
+        base : registers that do not change during a run
+        change : (discrete,) what is added to the discrete values
+        since : s, a time between this instant and the one before it
+        """
+        layout, discrete, crossings, self.next = memory
+        if layout is not self.layout:
+            self.layout = layout
+            self.discrete.adopt(layout, base)
+            self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
+        self.discrete.base[: len(base)] = base
+        self.discrete.recall(discrete, values, change)
+        self._crossings.recall(crossings)
+        self.records = []
+        if np.isfinite(self.next):
+            self.next = self.discrete.next_time(since)
 
     # ------------------------------------------------------------------------ the start
 

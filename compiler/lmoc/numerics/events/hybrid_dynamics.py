@@ -18,7 +18,7 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span as SourceSpan
 from lmoc.numerics.events.discrete_state import located
-from lmoc.numerics.events.event_handler import EventHandler, Starter
+from lmoc.numerics.events.event_handler import EventHandler, HandlerMemory, Starter
 from lmoc.numerics.events.stepping import Stepping
 from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
@@ -29,6 +29,7 @@ from lmoc.numerics.problem.base import Outcome, Roots, joined
 from lmoc.numerics.problem.mode import Mode
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import Constant, Signal
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.change import RunState
@@ -38,6 +39,33 @@ if TYPE_CHECKING:
 
 _MOMENT = 1e-10  # share of the run within which laws that change without end are chattering
 _LOOKS = 32  # places on a passage; even, so that none is the singular one in its middle
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What events and laws know before an instant.
+
+    Attributes
+    ----------
+    plan, values, open, laws : as of `HybridDynamics`
+    reached : s, the instant before
+    law_roots : how many root functions are the laws'
+    push : (laws,) as of `Mode`
+    next : s, of the next time event
+    of_laws, of_handler, stepping : what each of them knows
+    """
+
+    plan: Plan
+    values: np.ndarray
+    open: np.ndarray
+    reached: float
+    law_roots: int
+    push: np.ndarray
+    next: float
+    laws: LawSwitching | None
+    of_laws: dict[str, np.ndarray] | None
+    of_handler: HandlerMemory | None
+    stepping: int
 
 
 class HybridDynamics:
@@ -75,6 +103,50 @@ class HybridDynamics:
         self._law_roots = 0
         self._roots: Roots | None = None  # of the present segment …
         self._signs: np.ndarray | None = None  # … and their signs where it has begun
+
+    def memory(self) -> Memory:
+        """Return what decides about the next instant, for `recall`."""
+        laws, handler = self.laws, self.handler
+        return Memory(
+            self.plan, self.values, self.open.copy(), self._reached, self._law_roots,
+            np.zeros(0) if laws is None else laws.mode.push, np.inf if handler is None else handler.next,
+            laws, None if laws is None else laws.memory(),
+            None if handler is None else handler.memory(), self.stepping.memory(),
+        )  # fmt: skip
+
+    def recall(
+        self, memory: Memory, values: np.ndarray, base: np.ndarray, push: np.ndarray, change: np.ndarray, since: float
+    ) -> None:
+        """Be as before an instant, with other values; parameters as of the laws and the events."""
+        self.plan, self.values, self.open = memory.plan, values, base
+        self._reached, self._law_roots, self.laws = memory.reached, memory.law_roots, memory.laws
+        self.stepping.recall(memory.stepping)
+        self.records = []
+        if self.handler is not None:
+            self.handler.recall(memory.of_handler, values, base, change, since)
+        if self.laws is not None:
+            self.laws.recall(memory.of_laws, push, values, self._with_discrete(base))
+
+    def heights(self) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+        """Return the present functions whose change of sign is an event: (times, states) -> (times, roots).
+
+        What it has returned last counts, no other.
+        """
+        base, laws, handler = self.base(), self.laws, self.handler
+        read = None if laws is None else laws.reader(base, self.signals)
+        if handler is not None:
+            handler.discrete.base[: len(base)] = base
+            handler.discrete.push()
+
+        def values(times: np.ndarray, states: np.ndarray) -> np.ndarray:
+            found = []
+            if read is not None:
+                found.append(laws.run.values(read(times, states), self._law_roots))
+            if handler is not None:
+                found.append(handler.discrete.heights(times, states))
+            return np.concatenate(found, axis=1)
+
+        return values
 
     def stand_at(self, unknowns: np.ndarray, solutions: np.ndarray) -> None:
         """Take the solutions of the nonlinear blocks where the run stands, to stay on their branch."""

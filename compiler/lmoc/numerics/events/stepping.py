@@ -37,6 +37,14 @@ class Stepping:
         self.times = _times(plan, base, signals, span)
         self._begin, self._passed = span[0], 0
 
+    def memory(self) -> int:
+        """Return how many steps are behind, for `recall`."""
+        return self._passed
+
+    def recall(self, memory: int) -> None:
+        """Stand before the same step."""
+        self._passed = memory
+
     @property
     def next(self) -> float:
         """Return the next time at which inputs step, infinity where there is none."""

@@ -21,6 +21,7 @@ Mask = NDArray[np.bool_]
 _NOISES = 4.0  # times the bound for its rounding, within which a level is zero
 _LOSSLESS = 1e-6  # of a rate, in a bounce
 _SMALL = 1e-12  # of its terms: levels that may be rounding alone
+_KEPT = 32  # registers between events that are known again
 KINDS = tuple(LawKind)
 
 
@@ -155,6 +156,8 @@ class ContactKinematics:
         self.base = base
         own = quantities_of(plan, form, form.degree)
         self.registers, self.known = own.registers, own.known(plan, values)
+        self._known_variables = own.known_variables(plan)
+        self._opened: dict[bytes, Array] = {}
         self.force = plan.reduced.register_of[form.force]
         self.table = _table(form, values)
         self.scene = free_dynamics(plan, signals)
@@ -168,12 +171,28 @@ class ContactKinematics:
         self.in_c = None if self._program is None or self.scene.asks_for_inputs else self._program
         self._last: tuple[float, Array, Array] | None = None
 
+    def revalue(self, values: Array) -> None:
+        """Take other parameter values, for what registers do not hold; `renew` is to follow."""
+        self.values = values
+        there = self._known_variables != NONE
+        self.known[there] = values[self._known_variables[there]]
+        self.table.restitution[:] = _restitution(self.form, values)
+
     def renew(self, base: Array) -> None:
         """Take other registers that do not change between events."""
         self.base, self._last, self._noisy = base, None, None
         self.noise[:] = 0.0
-        self._open_base = self.scene.base(base, self.signals)
+        self._open_base = self._opened_by(base)
         self._evaluate.prepare(self._open_base, self.signals)
+
+    def _opened_by(self, base: Array) -> Array:
+        """Return what the scene makes of them; the latest ones are known again, where an instant is repeated."""
+        key = base.tobytes()
+        if key not in self._opened:
+            for oldest in list(self._opened)[: 1 - _KEPT]:
+                del self._opened[oldest]
+            self._opened[key] = self.scene.base(base, self.signals)
+        return self._opened[key].copy()
 
     def stand_at(self, unknowns: NDArray[np.int64], solutions: Array) -> None:
         """Start again from these solutions of nonlinear blocks."""
@@ -251,10 +270,13 @@ class ContactKinematics:
 
 def _table(form: Switched, values: Array) -> LawTable:
     kind = np.concatenate([np.full(g.rows, KINDS.index(g.kind)) for g in form.laws])
-    restitution = [np.zeros(g.rows) if g.restitution is None else values[g.restitution] for g in form.laws]
     by_force = {int(v): k for k, v in enumerate(form.force)}
     normal = [
         np.full(g.rows, NONE) if g.normal is None else np.array([by_force.get(int(v), NONE) for v in g.normal])
         for g in form.laws
     ]
-    return LawTable(kind, form.degree, np.concatenate(restitution), np.concatenate(normal))
+    return LawTable(kind, form.degree, _restitution(form, values), np.concatenate(normal))
+
+
+def _restitution(form: Switched, values: Array) -> Array:
+    return np.concatenate([np.zeros(g.rows) if g.restitution is None else values[g.restitution] for g in form.laws])

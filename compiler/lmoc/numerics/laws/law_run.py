@@ -89,6 +89,10 @@ class _Discrete(ctypes.Structure):
     _fields_ = _places("owner", "renew", "happened", "settle")
 
 
+_TIMES, _SERIES, _CHANGES = 4, 3, 500  # (``law_run.h``)
+_REMEMBERED = (
+    "force", "idle", "direction", "turning", "opening", "closed", "implied", "touched", "errors", "unresolved",
+)  # fmt: skip
 _NUMBERS = ("push", "force", "idle", "when", "impulse", "lost", "level")
 _COUNTS = ("direction", "turning", "kind")
 _FLAGS = (
@@ -148,6 +152,10 @@ class LawRun:
         self.rounding = self._view(self.data.rounding, self.states, float)
         self.held = self._view(self.data.held, self.states, bool)
         self.begun = self._view(self.data.times, 1, float)
+        self._history = {"times": self._view(self.data.times, _TIMES, float)}
+        self._history["impacts"] = self._view(self.data.impacts, self.n * _SERIES, float)
+        self._history["apart"] = self._view(self.data.apart, 2 * self.n, float)
+        self._changes = self._view(self.data.changes, _CHANGES, float)
         self.call("lmoc_law_renew")
 
     def _laid_out(self, ledger: tuple[int, int], moment: float) -> _LawRun:
@@ -188,6 +196,24 @@ class LawRun:
     def gap(self, law: int) -> float:
         """Return the gap that has been looked at last."""
         return float(self._view(self.data.spare.gap, self.n, float)[law])
+
+    def memory(self) -> dict[str, NDArray[Any]]:
+        """Return what decides about the next instant, for `recall`."""
+        return {name: getattr(self, name).copy() for name in _REMEMBERED} | {
+            name: view.copy() for name, view in self._history.items()
+        }
+
+    def recall(self, memory: dict[str, NDArray[Any]], push: Array) -> None:
+        """Be as it was; changes of laws by which chattering is known are forgotten.
+
+        Parameters
+        ----------
+        push : (laws,) in place of that of then
+        """
+        for name, value in memory.items():
+            (self._history[name] if name in self._history else getattr(self, name))[:] = value
+        self.push[:] = push
+        self._changes[:] = -np.inf
 
     # ------------------------------------------------------------------ calls
 

@@ -6,6 +6,7 @@ The bookkeeping is C (``engine/c/law_run.c``); here its events get their names a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,6 +160,25 @@ class LawSwitching:
         for name in ("touched", "begun", "force"):
             getattr(self.run, name)[:] = getattr(before.run, name)
         self.run.call("lmoc_law_go_on", t, x, 0)
+
+    def memory(self) -> dict[str, NDArray[Any]]:
+        """Return what decides about the next instant, for `recall`."""
+        return self.run.memory()
+
+    def recall(self, memory: Mapping[str, NDArray[Any]], push: Array, values: Array, base: Array) -> None:
+        """Be as the laws were before an instant, with other values.
+
+        Parameters
+        ----------
+        push : (laws,) as of `Mode`
+        values : (flat.count,) of parameters
+        base : registers that do not change between events
+        """
+        self.kinematics.revalue(values)
+        self.renew(base)
+        self.run.recall(memory, push)
+        self._mode = self.run.mode
+        self.undecided.clear()
 
     def renew(self, base: Array) -> None:
         """Take other registers that do not change between events."""

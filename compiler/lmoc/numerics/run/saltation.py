@@ -1,21 +1,26 @@
-"""Derivatives of a motion with events: over each event leads the flow from a little before it to a little after it.
+"""Derivatives of a motion with events: between them tangents are integrated, over them leads the saltation.
 
-That flow, between two fixed times, is smooth where the event is transversal, whatever happens at it (an impact, a law
-that changes its mode, a ``when``); its derivative is the saltation matrix between two short ways (Leine and Nijmeijer,
-Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, section 7.2). It comes from differences of order four
-of short runs with a fine tolerance. Where the motion grazes, or a mode is on its edge, other things happen in some of
-these, or their differences to both sides do not agree: there the motion has no derivative.
+An event at t, where g(t, x, p) = 0, with the states x- before it and x+ = R(t, x-, p) behind it, comes later by
+``t' = -(g_p + g_x S-) / (g_t + g_x f-)`` with a quantity that moves the states by S-. Behind it they are moved by
+``S+ = d/dp R(t + t', x- + S- + f- t', p) - f+ t'`` (Hiskens and Pai, IEEE Transactions on Circuits and Systems I 47,
+2000; Galan, Feehery and Barton, Applied Numerical Mathematics 31, 1999). The instant is repeated a little to both
+sides, along the surface g = 0: what R is follows from laws and discrete equations that answer each other, and its
+difference is its derivative where the same happens on both sides. Else the motion grazes, or a mode is on its edge, and
+there is none; nor where a function of an event comes as near to zero as a millionth of a quantity moves it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from lmoc.messages.diagnostics import ModelError, SimulationError
+from lmoc.messages.diagnostics import ModelError
+from lmoc.numerics.events.discrete_state import near_to
+from lmoc.numerics.events.occasion import Behind, Occasion, behind
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.observe.trajectory import End, SegmentRecord, Trajectory
+from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
+from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.run.sensitivities import (
     STEP,
     Direction,
@@ -31,22 +36,27 @@ from lmoc.numerics.run.sensitivities import (
     shifted,
     sizes_of,
 )
+from lmoc.support.records import replace
 
-Flow = Callable[[End, float, Mapping[str, object]], Trajectory]  # from where, until when, with which parameters
+_STEP = 1e-5  # of a quantity's size, of differences over an event: their error is some 1e-10
+_SHRINK, _TRIES = 8.0, 4  # of that step, where it is too coarse
+_BENT = 1e-2  # share by which differences to both sides may differ: the error of the one to both is its square
+_NOISE = 1e-12  # of the sizes, what does not count in that
+_SHORT = 1e-4  # of the time since the last instant, over which slopes of functions are taken
+_TOGETHER = 1e-5  # share by which functions that vanish at one instant may move apart
+_ROUNDING = 1e-9  # of the time, what does not count in that
+_LITTLE = 1e-6  # of a quantity's size: within the way of a function by that the motion grazes
+_LOW = 1e-3  # of its largest value, below which a function is looked at closely
+_AT_ENDS = 1e-4  # of a segment, where what has just happened does not count
+_PLACES = 12, 400  # in a segment at which functions are looked at, at least and at most
+_CLOSER = np.linspace(-1.0, 1.0, 9)  # of the distance of places around one, where it is looked at closely
 
-_ASIDE = 0.25  # of the way to the next event, how far before and behind one the flow is looked at
-_SHRINK, _TRIES = 8.0, 5  # of that way, and of differences, where they are too coarse
-_SMOOTH = 1e-3  # share by which differences of two orders may differ: those of the higher one are good to its square
-_BOTH_SIDES = 0.05  # share by which those to both sides may
-_NOISE = 1e-7  # of the sizes, what does not count in that
-_LITTLE = 1e-6  # of a quantity's size, by which a run is changed to see whether the same happens
-_AT_END = 1e-4  # of the run: what happens in that part before its end may happen behind it
-_CLOSE = 1e-9  # of the run: events that are closer are not told apart
+Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as of `HybridDynamics.heights`
 
 
 def with_events(
-    trajectory: Trajectory, first: Tangent, directions: Sequence[Direction], explicit: bool, flow: Flow,
-    wholes: Callable[[Direction, float], Trajectory],
+    trajectory: Trajectory, first: Tangent, directions: Sequence[Direction], explicit: bool,
+    occasions: Sequence[Occasion],
 ) -> Sensitivities:  # fmt: skip
     """Return the derivatives of a motion, smooth or with events.
 
@@ -54,8 +64,7 @@ def with_events(
     ----------
     first : where it starts, behind what happens there
     explicit : whether the method of the run was
-    flow : runs of the same scene from other places
-    wholes : the run as a whole with one of the quantities changed
+    occasions : the instants at which something happens
 
     Raises
     ------
@@ -63,26 +72,44 @@ def with_events(
         E0575: there are none, and why.
     """
     check_motion(trajectory)
-    segments = _lasting(trajectory)
-    _check_sequence(trajectory, directions, wholes)
-    rtol, at, parts = float(trajectory.stats["rtol"]), first, []
+    accumulation = next((e for e in trajectory.events if e.kind == "accumulation"), None)
+    if accumulation is not None:
+        raise refused(f"the impacts of '{accumulation.name}' accumulate at t = {accumulation.time:.6g} s")
+    segments, at, parts = trajectory.segments, first, []
+    rtol, made, by_segment = float(trajectory.stats["rtol"]), {}, {o.segment: o for o in occasions}
+    since = segments[0].begin
+    each = trajectory.stats.get("steps", 0) / max(trajectory.last[0] - since, 1e-300)
+    saltation: Saltation | None = None
     for k, segment in enumerate(segments):
         sizes = sizes_of([s for s in segments if s.coordinates == segment.coordinates])
-        sweep = Sweep(segment.observer, directions, at.base, sizes, rtol, explicit)
-        following = segments[k + 1] if k + 1 < len(segments) else None
-        event = None
-        if following is not None and following.reduced is segment.reduced:
-            event = _Event(segments, k, trajectory, directions, sizes, flow)
-        until = [] if following is None else [following.begin if event is None else event.time - event.aside]
-        times = np.append(segment.time, until)
-        states, tangents = _both_ways(sweep, at, times)
-        count = len(segment.time)
-        agree(states[:count], segment.table, sizes, 10 * sweep.rtol)
-        parts.append(Part(segment, tangents[:, :count], at.base, sizes))
-        if following is not None:
-            last = Tangent(float(times[-1]), states[-1], tangents[:, -1], at.base)
-            at = event.over(last) if event is not None else _in_other_coordinates(segment, following, last, directions)
+        sweep = Sweep(segment.observer, directions, at.base, sizes, rtol, explicit, made)
+        if saltation is not None:
+            at = replace(at, by=at.by - np.outer(saltation.delays, sweep.rates(at.time, at.x)))
+        following, occasion = segments[k + 1] if k + 1 < len(segments) else None, by_segment.get(k)
+        end = following.begin if following is not None else max(at.time, trajectory.last[0])
+        grid = np.linspace(at.time, end, _places(each * (end - at.time)))[1:] if occasion is not None else [end]
+        times, own = np.unique(np.concatenate([segment.time, grid]), return_inverse=True)
+        states, tangents = sweep.go(at, times)
+        own = own[: len(segment.time)]
+        agree(states[own], segment.table, sizes, 10 * sweep.rtol)
+        parts.append(Part(segment, tangents[:, own], at.base, sizes))
+        place, saltation = Tangent(end, states[-1], tangents[:, -1], at.base), None
+        if occasion is not None:
+            around = Surroundings(occasion, directions, sizes, since)
+            around.check(at.time, times, states, tangents, at.base, sweep)
+            since = occasion.outcome.time
+            if following is not None and occasion.behind is not None:
+                place = replace(place, x=occasion.outcome.x)
+                saltation = Saltation(around, sweep, place)
+                place = saltation.behind
+        elif following is not None:
+            place = _in_other_coordinates(segment, following, place, directions)
+        at = place
     return Sensitivities(directions, parts)
+
+
+def _places(steps: float) -> int:
+    return int(min(max(_PLACES[0], 4 * steps), _PLACES[1]))
 
 
 def _in_other_coordinates(
@@ -111,184 +138,260 @@ def _in_other_coordinates(
         return difference(changed, step)
 
     by = np.stack([derivative(k, direction) for k, direction in enumerate(directions)])
-    return Tangent(at.time, states(segment.observer, at.x), by, base_derivatives(following.observer, directions))
+    base, events = base_derivatives(following.observer, directions), plan.reduced.flat.events
+    if events is not None:  # which discrete variables take along
+        to, of = (s.observer.plan.reduced.register_of[events.discrete] for s in (following, segment))
+        base[:, to] = at.base[:, of]
+    return Tangent(at.time, states(segment.observer, at.x), by, base)
 
 
-def _check_sequence(
-    trajectory: Trajectory, directions: Sequence[Direction], wholes: Callable[[Direction, float], Trajectory]
-) -> None:
-    """See that the same events follow each other for values a little larger and smaller: else one of them just happens.
-
-    Raises
-    ------
-    ModelError
-        E0575: it does not.
-    """
-    flat, (end, _) = trajectory.flat, trajectory.last
-    if trajectory.observer.plan.reduced.switched is None and flat.events is None:
-        return
-    early = trajectory.segments[0].begin + (1 - _AT_END) * (end - trajectory.segments[0].begin)
-
-    def told(run: Trajectory) -> list[str]:
-        return [f"{event.name} {event.kind}" for event in run.events if event.time < early]
-
-    mine = told(trajectory)
-    for direction in directions:
-        for change in (-_LITTLE * direction.size, _LITTLE * direction.size):
-            try:
-                other = told(wholes(direction, change))
-            except (ModelError, SimulationError):  # as beyond a bound
-                continue
-            if other != mine:
-                raise refused(
-                    f"a value of '{direction.name}' other by a millionth leads to other events: the motion grazes, "
-                    "or a mode is on its edge"
-                )
-
-
-def _lasting(trajectory: Trajectory) -> list[SegmentRecord]:
-    """Return the segments without those that have no extent."""
-    last = {segment.begin: segment for segment in trajectory.segments}
-    found = list(last.values())
-    if sum(len(segment.time) for segment in found) != len(trajectory.time):
-        raise refused("an output time lies between two events at one instant")
-    accumulation = next((e for e in trajectory.events if e.kind == "accumulation"), None)
-    if accumulation is not None:
-        raise refused(f"the impacts of '{accumulation.name}' accumulate at t = {accumulation.time:.6g} s")
-    return found
-
-
-def _both_ways(sweep: Sweep, at: Tangent, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return states (times, n) and tangents (m, times, n) before and behind a place."""
-    order = np.argsort(times, kind="stable")
-    split = int(np.searchsorted(times[order], at.time))
-    before, behind = order[:split][::-1], order[split:]
-    states, tangents = np.empty((len(times), sweep.n)), np.empty((sweep.m, len(times), sweep.n))
-    for part in (before, behind):
-        states[part], tangents[:, part] = sweep.go(at, times[part])
-    return states, tangents
-
-
-class _Event:
-    """One instant at which something happens, between two segments.
+class Surroundings:
+    """What is around the instant at which a segment ends: the same events and laws with other values.
 
     Attributes
     ----------
-    time, aside : s, when, and how far before and behind it the flow is looked at
+    occasion, directions : as given
+    sizes : (n,) of the states
+    room : s, since the instant before
     """
 
-    def __init__(
-        self, segments: Sequence[SegmentRecord], k: int, trajectory: Trajectory, directions: Sequence[Direction],
-        sizes: np.ndarray, flow: Flow,
-    ) -> None:  # fmt: skip
-        self.segment, self.directions, self.sizes, self.flow = segments[k], directions, sizes, flow
-        self.time = segments[k + 1].begin
-        following = segments[k + 2].begin if k + 2 < len(segments) else np.inf
-        room = min(self.time - self.segment.begin, following - self.time)
-        if room < _CLOSE * (trajectory.last[0] - segments[0].begin):
-            raise refused(f"two events follow each other at t = {self.time:.6g} s")
-        self.aside = _ASIDE * room
+    def __init__(self, occasion: Occasion, directions: Sequence[Direction], sizes: np.ndarray, since: float) -> None:
+        self.occasion, self.directions, self.sizes = occasion, directions, sizes
+        self.dynamics, memory, reduced = occasion.dynamics, occasion.memory, occasion.memory.plan.reduced
+        self.time = occasion.outcome.time
+        self._since = (since + self.time) / 2
+        self.room = self.time - since
+        self._discrete, self._push, self._held = (np.zeros(0, int) for _ in range(3))
+        if reduced.flat.events is not None:
+            self._discrete = reduced.register_of[reduced.flat.events.discrete]
+        if memory.laws is not None:
+            form = reduced.switched
+            self._push = reduced.register_of[form.push]
+            held = np.concatenate([form.closed, form.push, form.direction[form.direction >= 0]])
+            self._held = reduced.register_of[held]
 
-    def over(self, at: Tangent) -> Tangent:
-        """Return the place behind the event, with its derivatives, from the one before it."""
-        until = 2 * self.time - at.time
-        reference = self._run(at, 0, 0.0, until)
-        for _ in range(_TRIES):
-            if reference is None or len({e.time for e in reference.events}) <= 1:
-                break
-            until = self.time + (until - self.time) / _SHRINK
-            reference = self._run(at, 0, 0.0, until)
-        if reference is None:
-            raise refused(f"the motion over the event at t = {self.time:.6g} s cannot be repeated")
-        found = [self._derivative(at, k, reference, until) for k in range(len(self.directions))]
-        n = len(at.x)
-        return Tangent(
-            until, self._result(at, 0, 0.0, reference)[:n], np.stack([f[:n] for f in found]),
-            np.stack([f[n:] for f in found]),
-        )  # fmt: skip
+    def recall(self, which: int = 0, change: float = 0.0, base: np.ndarray | None = None) -> None:
+        """Have events and laws be as they were before the instant, with one quantity changed.
 
-    def _run(self, at: Tangent, which: int, change: float, until: float) -> Trajectory | None:
-        """Return the short run with one quantity changed; None where there is none."""
-        segment, direction = self.segment, self.directions[which]
-        x, observer = at.x + change * at.by[which], shifted(segment.observer, direction, change, at.base[which])
-        values = observer(np.arange(observer.flat.count), np.array([at.time]), x[None])[0]
-        begin = End(at.time, tuple(segment.coordinates), x, values, segment.mode)
-        try:
-            return self.flow(begin, until, direction.parameters(change))
-        except (ModelError, SimulationError):
-            return None
+        Parameters
+        ----------
+        base : (registers,) the derivatives of what does not change between events
+        """
+        memory, own = self.occasion.memory, np.zeros(len(self.occasion.memory.open)) if base is None else change * base
+        push = np.zeros(0) if memory.laws is None else memory.push + own[self._push]
+        discrete = own[self._discrete]
+        own[self._held] = 0.0
+        values = memory.values
+        if change and self.directions[which].is_parameter:
+            values = values + change * self.directions[which].rates
+        self.dynamics.recall(memory, values, memory.open + own, push, discrete, self._since)
 
-    def _result(self, at: Tangent, which: int, change: float, run: Trajectory) -> np.ndarray:
-        """Return the states at the end of a short run, and what does not change any more (n + registers,)."""
-        segment, ledger = run.segments[-1], self.segment.observer.plan.ledger
-        x = run.last[1].copy()
-        x[ledger] += (at.x + change * at.by[which])[ledger]  # which each run begins anew
-        return np.concatenate([x, segment.observer.base])
+    # ------------------------------------------------------------------ what comes near
 
-    def _derivative(self, at: Tangent, which: int, reference: Trajectory, until: float) -> np.ndarray:
-        """Return the derivatives (n + registers,) behind the event by one quantity."""
-        size = self.directions[which].size
-        moved = np.max(np.abs(at.by[which]) / self.sizes, initial=0.0)
-        step = STEP * min(size, 1.0 / moved if moved > 0 else np.inf)
-        middle = self._result(at, which, 0.0, reference)
-        for _ in range(_TRIES):
-            around = self._around(at, which, step, reference, until)
-            found = None if around is None else self._agreed(middle, around, step)
-            if found is not None:
-                return found
-            step /= _SHRINK
-        name, what = self.directions[which].name, ", ".join(_told(reference)) or "what happens"
-        raise refused(
-            f"at t = {self.time:.6g} s ({what}) the motion has no derivative by '{name}': it grazes, or a mode is on "
-            "its edge",
+    def check(
+        self, begin: float, times: np.ndarray, states: np.ndarray, tangents: np.ndarray, base: np.ndarray, sweep: Sweep
+    ) -> None:
+        """See that no function of an event comes near zero on the way without crossing it.
+
+        Parameters
+        ----------
+        begin : s, of the segment
+        times, states, tangents : (k,), (k, n), (m, k, n) along it, to its end
+
+        Raises
+        ------
+        ModelError
+            E0575: one does.
+        """
+        inside = np.abs(times - (begin + times[-1]) / 2) < (0.5 - _AT_ENDS) * (times[-1] - begin)
+        if inside.sum() < 3:  # noqa: PLR2004  (a lowest one between two others)
+            return
+        self.recall()
+        times, states, tangents = times[inside], states[inside], tangents[:, inside]
+        heights = np.abs(self.dynamics.heights()(times, states))
+        middle, most = heights[1:-1], heights.max(axis=0)
+        bend = heights[2:] - 2 * middle + heights[:-2]
+        with np.errstate(all="ignore"):
+            lowest = middle - np.where(bend > 0, (heights[2:] - heights[:-2]) ** 2 / (8 * bend), 0.0)
+        low = (middle <= heights[2:]) & (middle <= heights[:-2]) & (lowest <= _LOW * most)
+        for place, root in zip(*np.nonzero(low), strict=True):
+            near = slice(place, place + 3)
+            self._check_near(root, times[near], states[near], tangents[:, place + 1], base, sweep)
+
+    def _check_near(
+        self, root: int, times: np.ndarray, states: np.ndarray, by: np.ndarray, base: np.ndarray, sweep: Sweep
+    ) -> None:
+        """Look closely at where a function is low, among three places."""
+        t, x = float(times[1]), states[1]
+        f, aside = sweep.rates(t, x), (times[2] - times[0]) / 2
+        bend = (sweep.rates(times[2], states[2]) - sweep.rates(times[0], states[0])) / (times[2] - times[0])
+        self.recall()
+        values = self.dynamics.heights()
+        for _ in range(6):
+            later = aside * _CLOSER
+            around = x + later[:, None] * f + later[:, None] ** 2 / 2 * bend
+            heights = np.abs(values(t + later, around)[:, root])
+            own = int(heights.argmin())
+            t, x, f, aside = t + later[own], around[own], f + later[own] * bend, aside / 4
+        for k, direction in enumerate(self.directions):
+            moved = []
+            step = _STEP * direction.size
+            for sign in (-1, 1):
+                self.recall(k, sign * step, base[k])
+                moved.append(self.dynamics.heights()(np.array([t]), (x + sign * step * by[k])[None])[0, root])
+            if heights[own] < _LITTLE * direction.size * abs(moved[1] - moved[0]) / (2 * step):
+                raise self.grazes(k, t, "")
+
+    def grazes(self, which: int, time: float, what: str) -> ModelError:
+        """Return the error that says that there is no derivative."""
+        told = f" ({what})" if what else ""
+        return refused(
+            f"at t = {time:.6g} s{told} the motion has no derivative by '{self.directions[which].name}': it grazes, "
+            "or a mode is on its edge",
             "a value a little larger or smaller leads to another sequence of events",
         )
 
-    def _around(
-        self, at: Tangent, which: int, step: float, reference: Trajectory, until: float
-    ) -> dict[int, np.ndarray] | None:
-        """Return the results of runs with a quantity changed by some steps, ahead where there is nothing behind.
 
-        None where other things happen in them.
-        """
-        for places in ((-2, -1, 1, 2), (1, 2, 3, 4)):
-            found = {}
-            for k in places:
-                run = self._run(at, which, k * step, until)
-                if run is None or not _alike(run, reference):
-                    break
-                found[k] = self._result(at, which, k * step, run)
-            if len(found) == len(places):
-                return found
-            if found:  # there is something behind: something else
-                return None
-        return None
+class Saltation:
+    """What an instant does to the tangents.
 
-    def _agreed(self, middle: np.ndarray, around: dict[int, np.ndarray], step: float) -> np.ndarray | None:
-        """Return the derivatives; None where differences of two orders, or to both sides, do not agree."""
+    Attributes
+    ----------
+    behind : the place behind it; its states are moved at an instant that moves along, so that the rates there times
+        `delays` are to be subtracted
+    delays : (m,) the derivatives of the instant
+    """
+
+    def __init__(self, around: Surroundings, sweep: Sweep, at: Tangent) -> None:
+        self._around, self._at, self._occasion = around, at, around.occasion
+        t, x, roots = at.time, at.x, around.occasion.outcome.roots
+        self._f = sweep.rates(t, x)
+        short = _SHORT * around.room or _SHORT * max(abs(t), 1.0)
+        self._bend = (self._f - sweep.rates(t - short, x - short * self._f)) / short
+        self._roots = np.zeros(0, int) if around.occasion.outcome.status is not Status.ROOT else np.flatnonzero(roots)
+        self._slope = self._curve = self._zero = np.zeros(0)
+        if len(self._roots):
+            around.recall()
+            before = -short * np.array([2.0, 1.0, 0.0])
+            values = around.dynamics.heights()(t + before, self._on(before, x))[:, self._roots]
+            self._zero, self._slope = values[2], (values[0] - 4 * values[1] + 3 * values[2]) / (2 * short)
+            self._curve = (values[0] - 2 * values[1] + values[2]) / short**2
+        found = [self._derivative(k) for k in range(len(around.directions))]
+        n = len(self._reached.x)
+        self.delays = np.array([own[0] for own in found])
+        base = np.stack([own[1 + n :] for own in found])
+        self.behind = Tangent(t, self._reached.x, np.stack([own[1 : 1 + n] for own in found]), base)
+
+    @property
+    def _reached(self) -> Behind:
+        assert self._occasion.behind is not None
+        return self._occasion.behind
+
+    def _on(self, later: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return the states (k, n) on the motion before the instant, so much later than at x."""
+        return x + later[:, None] * self._f + later[:, None] ** 2 / 2 * self._bend
+
+    @property
+    def _said(self) -> str:
+        """What happens, in words."""
+        return ", ".join(dict.fromkeys(f"{s[0]} {s[1]}" for s in self._reached.said if isinstance(s, tuple)))
+
+    def _error(self, which: int) -> ModelError:
+        return self._around.grazes(which, self._at.time, self._said)
+
+    # ------------------------------------------------------------------ differences
+
+    def _derivative(self, which: int) -> np.ndarray:
+        """Return the derivatives (1 + n + registers,) of the instant, of the states behind it, and of the base."""
+        direction, at = self._around.directions[which], self._at
+        moved = max(direction.size * np.max(np.abs(at.by[which]) / self._around.sizes, initial=0.0), 1.0)
+        step = _STEP * direction.size / 2.0 ** np.ceil(np.log2(moved))  # the same at most instants
+        middle = np.concatenate([[at.time], self._reached.x, self._reached.base])
         known = np.isfinite(middle)
-        f = {0: np.where(known, middle, 0.0)} | {k: np.where(known, own, 0.0) for k, own in around.items()}
-        if -1 in f:
-            low = (f[1] - f[-1]) / (2 * step)
-            high = (8 * (f[1] - f[-1]) - (f[2] - f[-2])) / (12 * step)
-            sides = np.abs(f[1] - 2 * f[0] + f[-1]) / step
-        else:
-            low = (-3 * f[0] + 4 * f[1] - f[2]) / (2 * step)
-            high = (-25 * f[0] + 48 * f[1] - 36 * f[2] + 16 * f[3] - 3 * f[4]) / (12 * step)
-            sides = np.zeros_like(low)
-        n = len(self.sizes)
-        noise = _NOISE * self.sizes / step
-        size = np.max(np.abs(high[:n]) / self.sizes, initial=0.0) * self.sizes
-        good = (np.abs(high - low)[:n] <= _SMOOTH * size + noise) & (sides[:n] <= _BOTH_SIDES * size + noise)
-        return high if good.all() else None
+        middle[~known] = 0.0
+        for _ in range(_TRIES):
+            found = self._around_it(which, step, middle, known)
+            if found is not None:
+                return found
+            step /= _SHRINK
+        raise self._error(which)
 
+    def _around_it(self, which: int, step: float, middle: np.ndarray, known: np.ndarray) -> np.ndarray | None:
+        """Return the derivatives by differences of a step; None where it is too coarse, or something else happens."""
+        found = []
+        for change in (step, -step):
+            own = self._repeated(which, change)
+            if own is None:
+                return None
+            found.append(np.where(known, own, 0.0) - middle)
+        ahead, back = found
+        slope, bent = (ahead - back) / (2 * step), np.abs(ahead + back) / step
+        n, sizes = len(self._reached.x), self._around.sizes
+        own = np.max(np.abs(slope[1 : 1 + n]) / sizes, initial=0.0) * sizes
+        good = bent[1 : 1 + n] <= _BENT * own + _NOISE * sizes / step
+        return slope if good.all() else None
 
-def _alike(run: Trajectory, reference: Trajectory) -> bool:
-    """Return whether the same happens in two runs."""
-    mine, other = run.segments[-1], reference.segments[-1]
-    return mine.coordinates == other.coordinates and mine.words == other.words and _told(run) == _told(reference)
+    def _repeated(self, which: int, change: float) -> np.ndarray | None:
+        """Return (1 + n + registers,) when it happens with a quantity changed, and what follows.
 
+        None where something else happens.
+        """
+        around, at, dynamics = self._around, self._at, self._around.dynamics
+        around.recall(which, change, at.base[which])
+        x = at.x + change * at.by[which]
+        later = self._delay(which, change, x)
+        if later is None:
+            return None
+        place = self._on(np.array([later]), x)[0]
+        outcome = replace(self._occasion.outcome, time=at.time + later, x=place)
+        try:
+            found = dynamics.after(outcome, self._occasion.unresolved, self._occasion.errors)
+        except (Stopped, ModelError):
+            return None
+        if found is None:
+            return None
+        reached = behind(dynamics, found, 0)
+        if reached.said != self._reached.said:
+            return None
+        return np.concatenate([[at.time + later], reached.x, reached.base])
 
-def _told(run: Trajectory) -> list[str]:
-    """Return what happens in a run."""
-    return [f"{event.name} {event.kind}" for event in run.events]
+    # ------------------------------------------------------------------ the instant
+
+    def _delay(self, which: int, change: float, x: np.ndarray) -> float | None:
+        """Return how much later it happens, s, from the states where it was; None where other things happen."""
+        at, dynamics = self._at, self._around.dynamics
+        known, clock = None, self._occasion.memory.next
+        if dynamics.stepping.instant(at.time) is not None:
+            known = 0.0
+        elif dynamics.handler is not None and abs(clock - at.time) <= near_to(at.time):
+            known = dynamics.handler.next - at.time
+        later = self._of_roots(which, change, x, known) if len(self._roots) else known or 0.0
+        return later if later is not None and np.isfinite(later) else None
+
+    def _of_roots(self, which: int, change: float, x: np.ndarray, known: float | None) -> float | None:
+        """Return how much later functions vanish; `known`: how much later something else happens at the instant."""
+        at, later = self._at, 0.0 if known is None else known
+        values, little = self._around.dynamics.heights(), _LITTLE * self._around.directions[which].size
+        missing = self._missing(values, x, later)
+        with np.errstate(all="ignore"):
+            # where it comes down by as little as a millionth moves it, a little more or less leads elsewhere
+            if (self._slope**2 / np.abs(2 * self._curve) < np.abs(missing / change) * little).any():
+                raise self._error(which)
+            for last in (False, True) if known is None else ():
+                later -= float(missing[0] / self._slope[0]) if missing[0] else 0.0
+                if last and len(missing) == 1:
+                    return later
+                missing = self._missing(values, x, later)
+            apart = np.abs(missing) > _TOGETHER * np.abs(self._slope) * max(abs(later), _ROUNDING * abs(at.time))
+        if apart.any():
+            name = self._around.directions[which].name
+            raise refused(
+                f"what happens at t = {at.time:.6g} s ({self._said}) happens at one instant only for this value of "
+                f"'{name}'"
+            )
+        return later
+
+    def _missing(self, values: Heights, x: np.ndarray, later: float) -> np.ndarray:
+        """Return by how much functions miss what they were at the instant, so much later."""
+        own = np.array([later])
+        return values(self._at.time + own, self._on(own, x))[0, self._roots] - self._zero

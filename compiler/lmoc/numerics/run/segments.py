@@ -50,6 +50,7 @@ from lmoc.support.records import replace
 
 if TYPE_CHECKING:
     from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
+    from lmoc.numerics.events.occasion import Occasion
     from lmoc.numerics.failures.assertions import Assertions
     from lmoc.numerics.run.changes import Changes, Continuation
 
@@ -263,6 +264,7 @@ class _Run:
             self._stand_at(outcome)
             outcome = self.dynamics.together(outcome, segment.system)
             solver, failed = self.solver, outcome.status.failed
+            occasion, told = None if failed else self._occasion(outcome), len(self.dynamics.records)
             x = None if failed else self.dynamics.after(outcome, solver.unresolved, solver.errors)
         except Stopped as stopped:
             self.ended, self.lost = stopped.status, stopped.reason
@@ -272,6 +274,10 @@ class _Run:
             return None
         if x is None:
             return None
+        if occasion is not None:
+            from lmoc.numerics.events.occasion import behind
+
+            self.task.occasions[-1] = replace(occasion, behind=behind(self.dynamics, x, told))
         self.flood.count(time, self.dynamics.records)
         segment.recorder.take_back(time)
         check_values(segment, outcome, self.variables is None, self.report)
@@ -281,6 +287,17 @@ class _Run:
         self._begin(time)
         self.segment.recorder.record_start(self.segment.begin, x)
         return x
+
+    def _occasion(self, outcome: Outcome) -> Occasion | None:
+        """Keep what is known before an instant, where somebody asks for it."""
+        if self.task.occasions is None:
+            return None
+        from lmoc.numerics.events.occasion import Occasion
+
+        solver, now = self.solver, self.dynamics
+        kept = Occasion(len(self.segments), now, now.memory(), outcome, solver.errors, solver.unresolved)
+        self.task.occasions.append(kept)
+        return kept
 
     # ------------------------------------------------------------------ the way
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE
+from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.tangent_system import TangentSystem
 from lmoc.numerics.failures.chatter import jumps
@@ -69,6 +69,11 @@ class Direction:
     def around(self) -> np.ndarray:
         """(flat.count, 5) the parameter values in the middle, and at the places of differences to both sides of it."""
         return self.all_values(STEP * self.size * np.array([0, *(place for place, _ in _CENTRAL)]))
+
+    @cached_property
+    def rates(self) -> np.ndarray:
+        """(flat.count,) the derivatives of the parameter values, 0 for what has none."""
+        return slope(lambda values: values, self)
 
     def parameters(self, change: float) -> dict[str, float]:
         """Return the parameters of a run in which it is changed, by name."""
@@ -161,9 +166,6 @@ def check_motion(trajectory: Trajectory) -> None:
     """
     first = trajectory.segments[0]
     plan = first.observer.plan
-    lawful = plan.reduced.switched is not None or trajectory.flat.events is not None
-    if lawful and any(s.reduced is not first.reduced for s in trajectory.segments):
-        raise refused("the coordinates change on the way, in a scene with laws or events")
     if plan.reduced.in_all_coordinates:
         raise refused("the loops are integrated in all their coordinates", "formulation='reduced'")
     if trajectory.kept is not None:
@@ -180,7 +182,10 @@ def starts_smoothly(trajectory: Trajectory, x: np.ndarray) -> bool:
     Laws may have taken their modes: whole numbers, which parameters do not change.
     """
     segment, begun = trajectory.segments[0], trajectory.begun
-    if trajectory.flat.events is not None or any(s.begin == segment.begin for s in trajectory.segments[1:]):
+    if any(s.begin == segment.begin for s in trajectory.segments[1:]):
+        return False
+    held = (b for b in trajectory.flat.blocks if b.kind == Kind.DISCRETE and b.size)
+    if any(b.quantity == "Real" for b in held):  # with values of their own, which parameters may change
         return False
     if any(event.time <= segment.begin for event in trajectory.events):
         return False
@@ -266,9 +271,7 @@ def shifted(observer: Observer, direction: Direction, change: float, base: np.nd
     ----------
     base : (registers,) the derivatives of what does not change between events
     """
-    return replace(
-        observer, values=direction.values(change), base=observer.base + change * base, solutions=Solutions()
-    )
+    return replace(observer, values=direction.values(change), base=observer.base + change * base, solutions=Solutions())
 
 
 def base_derivatives(observer: Observer, directions: Sequence[Direction]) -> np.ndarray:
@@ -285,7 +288,7 @@ class Sweep:
 
     def __init__(
         self, observer: Observer, directions: Sequence[Direction], base: np.ndarray, sizes: np.ndarray, rtol: float,
-        explicit: bool,
+        explicit: bool, made: dict[tuple[int, bytes, bytes], TangentSystem],
     ) -> None:  # fmt: skip
         """
         Parameters
@@ -293,6 +296,7 @@ class Sweep:
         base : (m, registers) derivatives of what does not change in the segment
         sizes : (n,) of the states
         rtol, explicit : of the run: its tolerance, and whether its method was explicit
+        made : systems of other segments, and then of this one
         """
         self.observer, self.directions, self.explicit = observer, directions, explicit
         self.plan, self.n, self.m = observer.plan, len(observer.plan.states), len(directions)
@@ -300,44 +304,78 @@ class Sweep:
         self.scale = np.array([d.size for d in directions])
         own = np.isin(np.arange(self.plan.count), self.plan.parameters)
         registers = np.flatnonzero(own & (base != 0).any(axis=0))
-        self.system = TangentSystem(self.plan, registers, base[:, registers].T * self.scale)
+        moves = base[:, registers].T * self.scale
+        key = id(self.plan), registers.tobytes(), (moves != 0).tobytes()
+        self.system = made.get(key) or TangentSystem(self.plan, registers, moves)
+        made[key] = self.system
+        self.system.directions = moves
         self.system.prepare(observer.base, observer.signals)
 
-    def _breaks(self, begin: float, end: float) -> np.ndarray:
-        """Return where the equations have kinks in time.
+    def rates(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return the rates (n,) of the states at a place."""
+        out = np.empty(self.system.n)
+        self.system.rhs(t, np.concatenate([x, np.zeros(self.n * self.m)]), out)
+        return out[: self.n]
+
+    def _kinks(self, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return where the equations have kinks in time (k,), and the derivatives (m, k) of these instants.
 
         Raises
         ------
         ModelError
-            E0575: these instants depend on what the motion is differentiated by.
+            E0575: something else happens at such an instant.
         """
         own = kinks.break_times(self.plan, self.observer.base, begin, end)
-        for direction in self.directions if self.plan.once(kinks.switches) else ():
-            for sign in (-1, 1):
-                base = self.plan.base(direction.values(sign * STEP * direction.size), self.observer.signals)
-                other = kinks.break_times(self.plan, base, begin, end)
-                if len(other) != len(own) or np.any(np.abs(other - own) > 1e-12 * max(abs(begin), abs(end))):
-                    raise refused(f"'{direction.name}' moves the instants at which the equations jump or have kinks")
-        return distinct(np.concatenate([own, break_times(self.observer.signals, begin, end, kinks.MOST)]))
+        moves = np.zeros((self.m, len(own)))
+        if not len(own):
+            return own, moves
+        wide = begin - (end - begin), end + (end - begin)  # at the ends some come in and others leave
+        for k, direction in enumerate(self.directions):
+            step = STEP * direction.size
+            sides = [kinks.break_times(self.plan, self._base(direction, s * step), *wide) for s in (-1, 1)]
+            low, high = (side[np.abs(side[:, None] - own).argmin(axis=0)] for side in sides if len(side))
+            moves[k] = (high - low) / (2 * step)
+        margin = 1e-9 * max(abs(begin), abs(end))
+        moves[np.abs(moves) * self.scale[:, None] <= margin] = 0.0
+        beside = (np.abs(own - begin) <= margin) | (np.abs(own - end) <= margin)
+        if (moves[:, beside] != 0).any():
+            name = self.directions[int(np.flatnonzero(moves[:, beside].any(axis=1))[0])].name
+            raise refused(f"'{name}' moves an instant at which the equations jump where something else happens")
+        return own, moves
+
+    def _base(self, direction: Direction, change: float) -> np.ndarray:
+        return self.plan.base(direction.values(change), self.observer.signals)
 
     def go(self, at: Tangent, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the states (times, n) and tangents (m, times, n) at times that lead away from a place, either way.
+        """Return the states (times, n) and tangents (m, times, n) at times behind a place.
 
         Raises
         ------
         ModelError
-            E0575: instants at which the equations have kinks depend on what is asked for, or the integration failed.
+            E0575: the integration failed.
         """
         y = np.concatenate([at.x, (at.by * self.scale[:, None]).ravel()])
-        found = np.tile(y, (len(times), 1))
-        ahead = np.flatnonzero(times != at.time)
-        if len(ahead):
-            atol = _ABSOLUTE * self.rtol * np.tile(self.sizes, 1 + self.m)
-            breaks = self._breaks(*sorted((at.time, float(times[-1]))))
-            go = self._forward if times[-1] > at.time else self._back
-            found[ahead] = go(at.time, y, times[ahead], atol, breaks)
+        found, atol = np.tile(y, (len(times), 1)), _ABSOLUTE * self.rtol * np.tile(self.sizes, 1 + self.m)
+        end = float(times[-1]) if len(times) else at.time
+        if end > at.time:
+            own, moves = self._kinks(at.time, end)
+            moving = moves.any(axis=0) & (own > at.time) & (own < end)
+            fixed = distinct(np.concatenate([own, break_times(self.observer.signals, at.time, end, kinks.MOST)]))
+            begin = at.time
+            for instant, by in (*zip(own[moving].tolist(), moves.T[moving], strict=True), (end, None)):
+                inside = (times > begin) & (times <= instant)
+                asked = np.append(times[inside], instant)
+                part = self._forward(begin, y, asked, atol, fixed[(fixed >= begin) & (fixed <= instant)])
+                found[inside], y, begin = part[:-1], part[-1].copy(), instant
+                if by is not None:
+                    y[self.n :] += np.outer(by * self.scale, self._jump(instant, y[: self.n])).ravel()
         tangents = found[:, self.n :].reshape(len(times), self.m, self.n)
         return found[:, : self.n], np.moveaxis(tangents, 1, 0) / self.scale[:, None, None]
+
+    def _jump(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return by what the rates before an instant are larger than those behind it."""
+        aside = 2 * kinks.NEAR * max(abs(t), 1e-300)
+        return self.rates(t - aside, x) - self.rates(t + aside, x)
 
     def _forward(
         self, begin: float, y: np.ndarray, times: np.ndarray, atol: np.ndarray, breaks: np.ndarray
@@ -354,31 +392,6 @@ class Sweep:
             raise KeyboardInterrupt
         if outcome.status is not Status.OK or not np.isfinite(found).all():
             raise refused(f"their integration failed at t = {outcome.time:g} s: {outcome.status.value}")
-        return found
-
-    def _back(
-        self, begin: float, y: np.ndarray, times: np.ndarray, atol: np.ndarray, breaks: np.ndarray
-    ) -> np.ndarray:
-        """Return the same at times before a place: between an event and the place behind it where tangents begin."""
-        from scipy.integrate import solve_ivp
-
-        def rhs(t: float, y: np.ndarray) -> np.ndarray:
-            out = np.empty(len(y))
-            self.system.rhs(t, y, out)
-            return out
-
-        method = {"method": "DOP853"} if self.explicit else {"method": "Radau", "jac": self.system.jacobian}
-        found, end = np.empty((len(times), len(y))), float(times[-1])
-        edges = [begin, *(b for b in breaks[::-1] if end < b < begin), end]
-        for a, b in zip(edges, edges[1:], strict=False):
-            inside = (times < a) & (times >= b)
-            margin = 4e-15 * max(abs(a), abs(b))  # on this side of the kinks
-            asked = np.clip(times[inside], b + margin, a - margin)
-            grid = np.unique(np.append(asked, b + margin))[::-1]
-            result = solve_ivp(rhs, (a - margin, b + margin), y, t_eval=grid, rtol=self.rtol, atol=atol, **method)
-            if not result.success or not np.isfinite(result.y).all():
-                raise refused(f"their integration failed back from t = {a:g} s: {result.message}")
-            found[inside], y = result.y.T[np.searchsorted(-grid, -asked)], result.y[:, -1]
         return found
 
 

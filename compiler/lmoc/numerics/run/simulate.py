@@ -5,6 +5,7 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,6 +36,9 @@ from lmoc.numerics.task.sizes import too_loose
 from lmoc.numerics.task.task import Coordinates, Progress, Task
 from lmoc.structure.messages.equations import SHOWN
 from lmoc.support import budget
+
+if TYPE_CHECKING:
+    from lmoc.numerics.events.occasion import Occasion
 
 _FIRST_STEP = 0.25  # of the way from a simplified model to the actual one
 _SHORTEST_STEP = 1e-4
@@ -109,6 +113,7 @@ class Simulator:
         initial: Mapping[str, float] | End | RunState | None = None,
         progress: Progress | None = None,
         others: Coordinates | None = None,
+        occasions: list[Occasion] | None = None,
     ) -> Trajectory:
         """Simulate once.
 
@@ -121,6 +126,7 @@ class Simulator:
         initial : {name: value}, fixed at the start, or where another run has ended, or where one begins
         progress : called with (time reached, stop time) a few times a second
         others : simulators of the same model with other coordinates
+        occasions : takes the instants at which something happens; None where nobody asks
 
         Raises
         ------
@@ -132,6 +138,7 @@ class Simulator:
             The same where it was interrupted from the keyboard.
         """
         task, plan, system, base = self._task(values, options or RunOptions(), inputs, initial, progress, others)
+        task = task if occasions is None else replace(task, occasions=occasions)
         return _run_at_its_size(task, plan, system, base, initial or {})
 
     def _task(
@@ -256,6 +263,8 @@ def _run_at_its_size(
     """Run; where the motion is much smaller than its tolerances were chosen for, again with tolerances of its size."""
     said = list(task.report.diagnostics)
     for _ in range(_PASSES):
+        if task.occasions is not None:
+            task.occasions.clear()
         run = run_segments(task, plan, system, base, initial)
         tolerant = task.options.atol is None and task.options.solver not in FIXED_STEP
         sizes = too_loose(run, task.values, task.sizes, run.stats["rtol"]) if tolerant else None

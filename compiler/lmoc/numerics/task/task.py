@@ -24,6 +24,7 @@ from lmoc.support.records import dataclass
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.change import RunState
     from lmoc.numerics.coordinates.watch import CoordinateWatch
+    from lmoc.numerics.events.occasion import Occasion
     from lmoc.numerics.formulations.watch import LoopWatch
     from lmoc.numerics.problem.mode import Mode
 
@@ -57,6 +58,7 @@ class Task:
     others : the model with other coordinates, where there may be some
     near : where the start is looked for: the end of the way there from a simplified model; None without one
     sizes : how large the motion is, as far as it is known
+    occasions : takes the instants at which something happens; None where nobody asks
     clock : values of `time.perf_counter` when the run was requested, and when its system was ready
     """
 
@@ -70,6 +72,7 @@ class Task:
     clock: tuple[float, float]
     near: RunState | None = None
     sizes: Sizes = field(default_factory=dict)
+    occasions: list[Occasion] | None = None
 
 
 class Segment:

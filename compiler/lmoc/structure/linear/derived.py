@@ -56,12 +56,12 @@ class DerivedParameters:
 
         Parameters
         ----------
-        known : values of all extended variables
+        known : values of all extended variables, (count,) or (count, runs)
         table : which of them, an array of any shape
         """
         if known.base is self._known:  # the present values: needed in every pass
             return self._sizes_at(self._sizes, known, table)
-        made = np.zeros(max(len(known) - self.base, 0))
+        made = np.zeros((max(len(known) - self.base, 0), *known.shape[1:]))
         for a in self.assignments if len(made) else ():
             sizes = self._sizes_at(made, known, a.slots)
             _, made[a.target - self.base] = value_and_size(a.shape, known[a.slots], sizes)
@@ -139,7 +139,7 @@ class DerivedParameters:
 
     def extended(self, values: np.ndarray) -> np.ndarray:
         """All extended variables for another parameter set; the variables that a switched form adds have no value."""
-        values = np.concatenate([values, np.full(self.base - len(values), np.nan)])
+        values = np.concatenate([values, np.full((self.base - len(values), *values.shape[1:]), np.nan)])
         return np.concatenate([values, derived_values(self.assignments, values)])
 
     def text(self, index: int, name: Callable[[int], str], depth: int = DEEPEST_TEXT) -> str:

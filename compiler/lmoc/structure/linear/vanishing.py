@@ -57,21 +57,19 @@ class Vanishing:
 
     def of_runs(self, values: np.ndarray) -> np.ndarray | None:
         """Return what this says of values (variables, runs); None where runs have to be asked for one by one."""
-        beyond = self.slots.size > 0 and int(self.slots.max()) >= self.derived.base
-        if beyond or _rounds(self.expr):
-            return None
-        found = np.asarray(evaluate(self.expr, lambda k, _: values[self.slots[:, k]]), float)
-        if np.isnan(found).any():
-            return None
-        changed = np.equal(found, 0.0) != self.zero[:, None]
-        return ~np.broadcast_to(changed.any(axis=0), values.shape[1:])
+        zero, unclear = _judged(self.expr, self.slots, self._known(values), self.derived)
+        return None if unclear.any() else ~(zero != self.zero[:, None]).any(axis=0)
 
     def changed(self, values: np.ndarray) -> np.ndarray:
         """The rows that come out otherwise for other parameter values; one bool a row."""
-        beyond = self.slots.size > 0 and int(self.slots.max()) >= self.derived.base
-        known = self.derived.extended(values) if beyond else values
+        known = self._known(values)
         result: np.ndarray = vanishes(self.expr, self.slots, known, self.derived, self.missing) != self.zero
         return result
+
+    def _known(self, values: np.ndarray) -> np.ndarray:
+        """Return the values of all variables that the test reads."""
+        beyond = self.slots.size > 0 and int(self.slots.max()) >= self.derived.base
+        return self.derived.extended(values) if beyond else values
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,14 +106,14 @@ def vanishes(
 def _judged(
     expr: Expr, table: np.ndarray, known: np.ndarray, derived: DerivedParameters
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the value vanishes, and where it is undefined."""
+    """Return where the value vanishes, and where it is undefined, by rows (and runs)."""
     if _rounds(expr) or (table.size and table.max() >= derived.base):
         value, size = value_and_size(expr, known[table], derived.sizes(known, table))
         zero = np.abs(value) <= ROUNDOFF * size
     else:
         value = evaluate(expr, lambda k, _: known[table[:, k]])
         zero = np.equal(value, 0.0)
-    none = np.zeros(len(table), bool)  # where the value is one number for all rows
+    none = np.zeros((len(table), *known.shape[1:]), bool)  # where the value is one number for all rows
     return zero | none, np.isnan(value) | none
 
 

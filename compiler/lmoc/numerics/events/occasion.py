@@ -1,0 +1,54 @@
+"""The instants of a run at which something happens, kept so that they can be repeated with other values."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lmoc.numerics.events.hybrid_dynamics import HybridDynamics, Memory
+from lmoc.numerics.problem.base import Outcome
+from lmoc.support.records import dataclass
+
+
+@dataclass(frozen=True, eq=False)
+class Behind:
+    """What an instant has led to.
+
+    Attributes
+    ----------
+    x, base : (n,), (registers,) the states, and what does not change until the next one
+    said : what decides whether the same has happened: names and kinds of events, and the laws' modes
+    """
+
+    x: np.ndarray
+    base: np.ndarray
+    said: tuple[object, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Occasion:
+    """An instant at which a segment has ended.
+
+    Attributes
+    ----------
+    segment : its index
+    dynamics : events and laws of the run
+    memory : what they knew before
+    outcome : of the segment, with all that ends it
+    errors, unresolved : as of `HybridDynamics.after`
+    behind : None at the end of the run
+    """
+
+    segment: int
+    dynamics: HybridDynamics
+    memory: Memory
+    outcome: Outcome
+    errors: np.ndarray | float
+    unresolved: np.ndarray | float
+    behind: Behind | None = None
+
+
+def behind(dynamics: HybridDynamics, x: np.ndarray, first: int) -> Behind:
+    """Return what an instant has led to; `first` is the number of events recorded before it."""
+    mode, said = dynamics.mode, tuple((e.name, e.kind) for e in dynamics.records[first:])
+    held = () if mode is None else (mode.closed.tobytes(), mode.implied.tobytes(), mode.direction.tobytes())
+    return Behind(x, dynamics.base(), (*said, *held))
