@@ -151,6 +151,19 @@ def test_the_command_and_the_picture(tmp_path, monkeypatch, capsys):
         assert main(["fit", "swing.lmo", *wrong]) == 2
 
 
+def test_an_array_of_parameters_begins_at_its_common_value(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = "model M parameter Real k[2] = {{{}, 1}}; Real x(start = 1); equation der(x) = -k[1]*k[2]*x; end M;"
+    rows = [f"{t},{np.exp(-4 * t)}" for t in np.linspace(0, 1, 11)]
+    (tmp_path / "measured.csv").write_text("\n".join(["time,x", *rows]) + "\n")
+    command = ["fit", "m.lmo", "--data", "measured.csv", "--outputs", "x=x", "--free"]
+    (tmp_path / "m.lmo").write_text(text.format(1))
+    assert main([*command, "k"]) == 0 and "k  2 " in capsys.readouterr().out
+    (tmp_path / "m.lmo").write_text(text.format(3))
+    assert main([*command, "k"]) == 2 and "no value in common" in capsys.readouterr().err
+    assert main([*command, "k=1"]) == main([*command, "k[1]"]) == 0
+
+
 def test_data_may_hold_what_the_ledger_of_a_run_holds(tmp_path) -> None:
     text = """model Swing
       Fixed w; Spring s(k = 50); Damper d(c = 1); Mass m(m = 2, q(start = 0.5, fixed = true));

@@ -11,6 +11,7 @@ from oracles.symbolic_truth import IMPLICIT
 import lmoc
 from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.linearize import linearize
+from lmoc.symbolic.numeric import MOST_STATES as LARGEST
 from lmoc.symbolic.numeric import NumericSystem, linearize_numerically
 from lmoc.symbolic.too_long import NoSymbolsError
 
@@ -352,3 +353,10 @@ def test_one_name_is_enough():
     assert dae.linearize(outputs="m.q").outputs == ["m.q"]
     assert dae.linearize(outputs="m.q", symbolic=True).outputs == ["m.q"]
     assert list(dae.symbolic("s.f").variables) == ["s.f"]
+
+
+@pytest.mark.parametrize("verb", ["linearize", "equilibria"])
+def test_full_matrices_that_take_gigabytes_are_refused(verb):
+    dae = lmoc.compile_text(f"model M Mass m[{LARGEST}](each m = 1); end M;")
+    with pytest.raises(lmoc.ModelError, match="too large"):
+        getattr(dae, verb)()

@@ -92,8 +92,7 @@ def _free(word: str, dae: DAE) -> tuple[str, Any]:
             from lmoc.ir.names import hint_for
 
             raise UsageError([Diagnostic("E0622", f"'{name}' is not in '{dae.name}'", hint=hint_for(dae.flat, name))])
-        begin = float(dae.parameters[name]) if name in dae.parameters else dae.at_start()(name)
-        return name, begin
+        return name, _begin(name, dae.parameters[name]) if name in dae.parameters else dae.at_start()(name)
     try:
         numbers = [number(part) for part in text.split(":")]
     except argparse.ArgumentTypeError as error:
@@ -101,3 +100,15 @@ def _free(word: str, dae: DAE) -> tuple[str, Any]:
     if len(numbers) not in (1, 3):
         raise UsageError([Diagnostic("E0621", f"--free {name}: expected start, or start:low:high; found '{text}'")])
     return name, numbers[0] if len(numbers) == 1 else tuple(numbers)
+
+
+def _begin(name: str, value: Any) -> float:
+    """Return the value of a parameter, or the common one of an array of parameters."""
+    import numpy as np
+
+    own = np.unique(value)
+    if len(own) == 1:
+        return float(own[0])
+    hint = f"'--free {name}=1' gives all one value, '--free {name}[1]' fits the first alone"
+    text = f"--free {name}: the elements of this array have no value in common"
+    raise UsageError([Diagnostic("E0621", text, hint=hint)])

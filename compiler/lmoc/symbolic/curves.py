@@ -58,7 +58,7 @@ class NamedCurves:
         if order > 0 and curve in self.slope:
             return self.symbol(self.slope[curve], order - 1)
         if order >= len(_ENDINGS):
-            hint = "a linear model in numbers has no such limit: `lmoc linearize`"
+            hint = "a linear model in numbers goes further: `lmoc linearize`"
             name = self.flat.variable_name(curve)
             raise no_symbols(f"'{name}' is a curve through many points, and the equations have its derivatives", hint)
         name = self.flat.variable_name(curve) + _ENDINGS[order]

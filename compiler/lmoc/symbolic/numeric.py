@@ -25,6 +25,7 @@ from lmoc.symbolic.linearize import LinearModel
 from lmoc.symbolic.system import coordinates_of, refuse
 from lmoc.symbolic.values import no_value
 
+MOST_STATES = 4000  # 1 GB for the handful of full matrices that a derivation holds at a time
 NEWTON_STEPS = 60
 APPROACH = 25  # points on the way from the start to where implicit equations are wanted
 
@@ -113,7 +114,15 @@ class NumericSystem:
         return self._w[self.reduced.derivatives].copy()
 
     def matrices(self, x: np.ndarray, u: np.ndarray, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Values (n + p,) of rates and outputs, and their Jacobian by states and input jets."""
+        """Values (n + p,) of rates and outputs, and their Jacobian by states and input jets.
+
+        Raises
+        ------
+        NotDerivableError
+            E0660: a full matrix of so many states takes gigabytes, and its eigenvalues an hour.
+        """
+        if len(self.states) > MOST_STATES:
+            raise refuse(f"a matrix of {len(self.states)} by {len(self.states)} is too large: {MOST_STATES} at most")
         self._place(x, u, time)
         dense = self._at.derivatives(time)
         n, p = len(self.states), len(self.outputs)

@@ -135,7 +135,7 @@ def _check_size(reduced: Reduced, curves: NamedCurves | None) -> None:
     if count > MOST_EQUATIONS or states > MOST_STATES:
         raise no_symbols(
             f"{reduced.flat.name or 'the model'} has {count} equations and {states} states: too many for symbols",
-            hint="a linear model in numbers has no such limit: `lmoc linearize`",
+            hint="a linear model in numbers goes further: `lmoc linearize`",
         )
     for group in reduced.flat.groups:
         named = curves is not None and all(curves.defined_by(group, row) for row in range(group.rows))
@@ -143,7 +143,7 @@ def _check_size(reduced: Reduced, curves: NamedCurves | None) -> None:
             raise no_symbols(
                 f"'{reduced.flat.variable_name(int(group.slots[0, 0]))}' is a curve through many points: "
                 f"an equation with {count} conditions",
-                hint="a linear model in numbers has no such limit: `lmoc linearize`",
+                hint="a linear model in numbers goes further: `lmoc linearize`",
             )
 
 

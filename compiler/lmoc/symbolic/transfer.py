@@ -309,7 +309,7 @@ def _with_numbers(coefficients: list[float], s: sympy.Symbol) -> sympy.Expr:
 
 def _check_states(n: int) -> None:
     if n > MOST_STATES:
-        raise refuse(f"{n} states are too many for a transfer function", hint="`lmoc linearize` has no such limit")
+        raise refuse(f"{n} states are too many for a transfer function", hint="`lmoc linearize` goes further")
 
 
 def index_of(names: list[str], name: str, what: str) -> int:
