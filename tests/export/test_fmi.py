@@ -266,9 +266,9 @@ def test_wrong_calls_get_a_status(driven) -> None:
         with pytest.raises(FMICallException):
             call()
     begin(fmu)
-    for call in (lambda: fmu.doStep(5.0, 0.1), lambda: fmu.doStep(0.0, -0.1), lambda: fmu.doStep(0.0, float("nan"))):
+    for time, step in ((5.0, 0.1), (0.0, -0.1), (0.0, np.nan), (0.0, np.inf), (np.inf, 0.1), (np.nan, 0.1)):
         with pytest.raises(FMICallException):
-            call()
+            fmu.doStep(time, step)
     fmu.doStep(0.0, 0.1)
     fmu.freeInstance()
 

@@ -272,7 +272,8 @@ static status step_from(instance *c, double time, double step) {
   fmu *f = c->f;
   if (!(step > 0 && step * 0 == 0)) return wrong(c, "a step has a positive length");
   if (f->now.ended) return wrong(c, "the model has ended its run");
-  if (!(fabs(time - f->now.time) <= 1e-9 * (step + fabs(time)))) return wrong(c, "the last step has not led there");
+  if (!(time * 0 == 0 && fabs(time - f->now.time) <= 1e-9 * (step + fabs(time))))
+    return wrong(c, "the last step has not led there");
   if (!fmu_advance(f, time + step)) return OK;
   f->now.phase = FMU_BROKEN;
   return ERROR;
