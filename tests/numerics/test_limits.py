@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lmoc
-from lmoc.numerics.coordinates.equilibration import equilibrated
+from lmoc.numerics.coordinates.equilibration import Equilibration, equilibrated
 from lmoc.numerics.laws.complementarity import FREE, UPPER
 from lmoc.numerics.laws.cones import Friction, solve_with_cones
 from lmoc.numerics.observe.recorder import _is_same
@@ -42,6 +42,16 @@ def test_no_tolerance_is_finer_than_rounding(oscillator):
 def test_an_output_time_just_before_an_event_is_that_of_the_event(apart, same):
     """LOCATED."""
     assert _is_same(1.0 - apart, 1.0) is same
+
+
+def test_what_rounding_leaves_of_a_zero_does_not_grow():
+    """Rows and columns are equilibrated anew where an entry has grown; how large a rounding error is is chance."""
+    own = Equilibration((1, 2), np.array([0, 0]), np.array([0, 1]))
+    for small, kept in ((1e-17, False), (1e-13, True), (1e-6, False)):
+        before = own.scales
+        own.grow(np.array([1.0, small]))
+        assert (own.scales is not None) is kept and own.scales is (before if kept else None)
+        own.factors()
 
 
 @pytest.mark.parametrize("share, counts", [(5e-13, False), (5e-12, True)])

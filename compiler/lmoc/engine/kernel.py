@@ -178,20 +178,9 @@ class Kernel:
         return not self._library.lmoc_evaluate(call.reference, time, x.ctypes.data)
 
     def evaluate_near(self, call: Call, time: float, x: np.ndarray) -> bool:
-        """The same on the branch of the solutions that stand in the registers, whatever the last ones were.
-
-        Pivots are selected for this place: near a singular one, those of another lose digits with each loop in a row.
-        """
-        given, memory = call.tables[0][0], call.tables[1]
+        """The same on the branch of the solutions that stand in the registers, with pivots selected for this place."""
         self._forget_pivots()
-        self._last[0], self.w[given] = 0, x
-        if self(time):
-            return False
-        memory[: call.remembered] = self.w[self.unknowns]
-        memory[3 * call.remembered :][: call.given] = x
-        call.time, call.solved = time, 1
-        self._last[0] = ctypes.addressof(call)
-        return True
+        return not self._library.lmoc_evaluate_near(call.reference, time, x.ctypes.data)
 
     def call(
         self,

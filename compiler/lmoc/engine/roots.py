@@ -98,11 +98,12 @@ def locate(curve: Callable[[np.ndarray], np.ndarray], a: float, b: float, at_a: 
     return time.value
 
 
-def lowest(curve: Callable[[float], float], a: float, b: float) -> tuple[float, float]:
-    """Return a place and value of a minimum between two times (golden sections); where below zero, at once."""
-    asked, hook = _curve(lambda times: np.array([curve(t) for t in times.tolist()]))
-    time, value = ctypes.c_double(), ctypes.c_double()
-    asked.judge(library().lmoc_lowest(hook, None, a, b, ctypes.byref(time), ctypes.byref(value)))
+def lowest(curve: Callable[[float], float], times: np.ndarray) -> tuple[float, float]:
+    """Return a place and value of a minimum next to that of some times at which it is lowest (golden sections)."""
+    asked, hook = _curve(lambda some: np.array([curve(t) for t in some.tolist()]))
+    own, time, value = np.ascontiguousarray(times, float), ctypes.c_double(), ctypes.c_double()
+    out = ctypes.byref(time), ctypes.byref(value)
+    asked.judge(library().lmoc_lowest_about(hook, None, len(own), own.ctypes.data, *out))
     return time.value, value.value
 
 

@@ -76,9 +76,12 @@ void lmoc_put_constants(const lmoc_program *p, double *w) {
   for (int64_t k = 0; k < p->constant_count; k++) w[p->places[k]] = p->values[k];
 }
 
-void lmoc_program_forget(const lmoc_program *p) {
-  for (int64_t k = 0; k < p->block_count; k++) {
-    p->tape.blocks[k].ready = 0;
+void lmoc_program_forget_pivots(const lmoc_program *p) {
+  for (int64_t k = 0; k < p->block_count; k++)
     if (p->tape.blocks[k].lu) lmoc_lu_forget(p->tape.blocks[k].lu);
-  }
+}
+
+void lmoc_program_forget(const lmoc_program *p) {
+  for (int64_t k = 0; k < p->block_count; k++) p->tape.blocks[k].ready = 0;
+  lmoc_program_forget_pivots(p);
 }

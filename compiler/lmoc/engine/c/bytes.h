@@ -28,7 +28,8 @@ typedef struct {
 void lmoc_read_program(lmoc_bytes *b, lmoc_program *p);
 void lmoc_put_constants(const lmoc_program *p, double *w);
 
-/* Factors of matrices that depend on parameters have to be made anew, and pivots to be chosen anew. */
+/* Factors of matrices that depend on parameters have to be made anew, and pivots to be chosen anew; or the latter alone. */
 void lmoc_program_forget(const lmoc_program *p);
+void lmoc_program_forget_pivots(const lmoc_program *p);
 
 #endif

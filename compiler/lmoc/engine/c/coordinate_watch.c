@@ -96,7 +96,10 @@ static void rescale(lmoc_coordinates *c) {
                    c->column_factor, c->range, before_column + columns);
   for (int64_t i = 0; i < rows; i++) row = fmin(row, c->row_factor[i]/before_row[i]);
   for (int64_t j = 0; j < columns; j++) column = fmin(column, c->column_factor[j]/before_column[j]);
-  for (int64_t k = 0; k < c->count; k++) c->bound[k] = c->by.grown*c->size[k];
+  memset(c->work, 0, rows * sizeof(double));
+  for (int64_t k = 0; k < c->count; k++) c->work[k/columns] = fmax(c->work[k/columns], c->size[k]);
+  for (int64_t k = 0; k < c->count; k++)
+    c->bound[k] = c->by.grown*fmax(c->size[k], c->by.no_entry*c->work[k/columns]); /* what rounding leaves is no entry */
   for (int64_t k = 0; k < LMOC_PLACES; k++) {
     place(c, k)[LEAST] *= fmin(1, row*column);
     place(c, k)[MARGIN] = NAN;
@@ -319,6 +322,24 @@ double lmoc_coordinates_shorter(lmoc_coordinates *c, int64_t stalled, double spa
   return stalled < STALLED && length > SHORTEST*fmax(fabs(time), span) && !(margin < c->by.dependent) ? length : 0;
 }
 
+int lmoc_coordinates_stuck(lmoc_coordinates *c, double below) {
+  c->last = c->accepted;
+  c->singular = place(c, c->accepted)[TIME];
+  return (int)(c->lost_rank = below > 0 && lmoc_coordinates_margin(c, c->accepted) < below);
+}
+
+int64_t lmoc_coordinates_lost(const lmoc_coordinates *c) {
+  const int64_t free = c->columns - c->rows;
+  int64_t lost = 0;
+  double most = -1;
+  for (int64_t k = 0; k < c->watched*free; k++) {
+    const double entry = fabs(table(c, c->last)[k] * c->range[c->row[k/free]] / c->range[c->rows + k % free]),
+                 size = entry*0 == 0 ? entry : INFINITY;
+    if (size > most) most = size, lost = k/free;
+  }
+  return lost;
+}
+
 /* Those that are good where the step rejected has led to, as long as it has passed no singular place; otherwise those that
    are best where it began. */
 int lmoc_coordinates_better(lmoc_coordinates *c, int32_t *held) {
@@ -342,18 +363,38 @@ int lmoc_coordinates_better(lmoc_coordinates *c, int32_t *held) {
 
 /* ------------------------------------------------------------------ without Python */
 
-int lmoc_step_watch_values(void *own, int what, double time, const double *x, int64_t k, int64_t other) {
-  lmoc_step_watch *s = own;
+/* The values of a place at which the registers stand. */
+static void values_here(lmoc_step_watch *s, double time, int64_t k) {
   const lmoc_coordinates *c = s->by;
-  (void)what, (void)other;
-  s->evaluate(s->call, time, x);
   for (int64_t i = 0; i < c->told; i++) coordinates(c, k)[i] = s->registers[s->told[i]];
   for (int64_t i = 0; i < c->solved; i++) solutions(c, k)[i] = s->registers[s->solved[i]];
   for (int64_t i = 0; i < s->read_count; i++) s->w[s->reads[i]] = s->registers[s->reads[i]];
   s->tape->run(time, s->w, s->tape);
   memset(matrix(c, k), 0, c->count * sizeof(double));
   for (int64_t e = 0; e < s->entry_count; e++) matrix(c, k)[s->target[e]] += s->w[s->entry[e]];
+}
+
+int lmoc_step_watch_values(void *own, int what, double time, const double *x, int64_t k, int64_t other) {
+  lmoc_step_watch *s = own;
+  (void)what, (void)other;
+  s->evaluate(s->call, time, x);
+  values_here(s, time, k);
   return 0;
+}
+
+double lmoc_step_watch_margin(lmoc_step_watch *s, double time) {
+  const int64_t k = LMOC_PLACES - 1; /* no step is being looked at */
+  values_here(s, time, k);
+  place(s->by, k)[MARGIN] = NAN;
+  return lmoc_coordinates_margin(s->by, k);
+}
+
+double lmoc_coordinates_sign(const lmoc_coordinates *c) { return place(c, c->accepted)[SIGN]; }
+
+const double *lmoc_coordinates_accepted(const lmoc_coordinates *c, double *time, const double **x) {
+  *time = place(c, c->accepted)[TIME];
+  *x = states(c, c->accepted);
+  return solutions(c, c->accepted);
 }
 
 int lmoc_step_watch_look(void *own, double time, const double *x, int first) {

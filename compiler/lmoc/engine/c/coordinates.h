@@ -75,6 +75,17 @@ void lmoc_coordinates_tolerate(lmoc_coordinates *c);     /* take those of the la
    `stalled` is how often it has gone on from there; `span` that of the run. */
 double lmoc_coordinates_shorter(lmoc_coordinates *c, int64_t stalled, double span, double *until);
 
+/* No step was short enough: look back at the place accepted last. Returns whether constraints depend on each other there, their
+   smallest singular value being below so much. */
+int lmoc_coordinates_stuck(lmoc_coordinates *c, double below);
+
+/* Which of the watched coordinates follows least from the states at the last place. */
+int64_t lmoc_coordinates_lost(const lmoc_coordinates *c);
+
+/* The place accepted last: the sign of the determinant of A; its time, its state, and the solutions of blocks there. */
+double lmoc_coordinates_sign(const lmoc_coordinates *c);
+const double *lmoc_coordinates_accepted(const lmoc_coordinates *c, double *time, const double **x);
+
 /* Better choices, best first: (2, states) columns. Returns how many there are. */
 int lmoc_coordinates_better(lmoc_coordinates *c, int32_t *held);
 
@@ -95,6 +106,7 @@ typedef struct {
 } lmoc_step_watch;
 
 int lmoc_step_watch_values(void *own, int what, double time, const double *x, int64_t k, int64_t other);
+double lmoc_step_watch_margin(lmoc_step_watch *s, double time); /* the smallest singular value where the registers stand */
 int lmoc_step_watch_look(void *own, double time, const double *x, int first);
 void lmoc_step_watch_keep(void *own);
 

@@ -137,3 +137,15 @@ int lmoc_lowest(lmoc_curve curve, void *own, double a, double b, double *time, d
   *value = at_c < at_d ? at_c : at_d;
   return 0;
 }
+
+int lmoc_lowest_about(lmoc_curve curve, void *own, int64_t count, const double *times, double *time, double *value) {
+  int64_t least = 0;
+  for (int64_t k = 0; k < count; k++) {
+    double here;
+    const int halted = curve(own, 1, times + k, &here);
+    if (halted) return halted;
+    if (!k || !(here >= *value)) *value = here, least = k;
+    if (here != here) break;
+  }
+  return lmoc_lowest(curve, own, times[least > 0 ? least - 1 : 0], times[least + 1 < count ? least + 1 : least], time, value);
+}

@@ -25,6 +25,10 @@ typedef struct lmoc_call {
    impossible, they have none, and keep the last one for the next time. */
 int lmoc_evaluate(lmoc_call *c, double time, const double *x);
 
+/* The same on the branch of the solutions that stand in the registers, whatever the last ones were. Pivots are to be those of
+   this place: near a singular one, those of another lose digits with each loop in a row. */
+int lmoc_evaluate_near(lmoc_call *c, double time, const double *x);
+
 /* Mark the last solution as one to go back to: that of an accepted step. */
 void lmoc_mark(lmoc_call *c);
 void lmoc_go_back(lmoc_call *c);

@@ -57,6 +57,15 @@ static int approach(lmoc_call *c, double time, const double *x) {
   return LMOC_FAILED;
 }
 
+/* What stands in the registers is a solution now: the last one. */
+static void keep(lmoc_call *c, double time, const double *x) {
+  remember(c, c->solution);
+  memcpy(c->x, x, c->given * sizeof(double));
+  c->time = time;
+  c->solved = 1;
+  *c->last = c;
+}
+
 int lmoc_evaluate(lmoc_call *c, double time, const double *x) {
   if (c->solved && *c->last == c && time == c->time && !memcmp(x, c->x, c->given * sizeof(double))) return 0;
   *c->last = 0;
@@ -71,12 +80,16 @@ int lmoc_evaluate(lmoc_call *c, double time, const double *x) {
   }
   if (status & LMOC_FAILED && c->rescue && c->rescue(time)) status = run(c, time);
   if (status & LMOC_FAILED) return status;
-  remember(c, c->solution);
-  memcpy(c->x, x, c->given * sizeof(double));
-  c->time = time;
-  c->solved = 1;
-  *c->last = c;
+  keep(c, time, x);
   return 0;
+}
+
+int lmoc_evaluate_near(lmoc_call *c, double time, const double *x) {
+  *c->last = 0;
+  given(c, x);
+  const int status = run(c, time);
+  if (!status) keep(c, time, x);
+  return status;
 }
 
 /* For many times: states (count, n) and guesses of the unknowns (count, remembered) in, some registers (count, chosen)

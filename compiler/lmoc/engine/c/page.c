@@ -93,23 +93,17 @@ static void keep(void *own) {
   if (!p->coordinates.held) lmoc_mark(&p->call);
 }
 
-static int64_t determinants(const lmoc_program *g) {
-  int64_t count = 0;
-  for (int64_t i = 0; i < g->block_count; i++) if (g->tape.blocks[i].work) count += g->tape.blocks[i].instances;
-  return count;
-}
-
 /* Memory for what the scene needs beside its tables. */
 static int make_room(lmoc_page *p) {
   const int64_t n = p->n, m = p->unknown_count;
-  const int64_t most = p->size + 40*n + 4*m + determinants(&p->programs[p->right].program) + 8;
+  const int64_t most = p->size + 40*n + 4*m + 8;
   double *at = p->w = calloc((size_t)most, sizeof(double));
   if (!at) return 0;
   at += p->size;
 #define TAKE(name, count) (p->name = at, at += (count))
   TAKE(x, n), TAKE(answer, n), TAKE(atol, n), TAKE(f, n), TAKE(begin, n), TAKE(steps.x_new, n), TAKE(steps.k, 16*n);
   TAKE(steps.last, n), TAKE(steps.terms, 7*n), TAKE(steps.x, n), TAKE(call.x, 3*n), TAKE(call.solution, 3*m);
-  TAKE(aside, n + m), TAKE(signs, determinants(&p->programs[p->right].program));
+  TAKE(aside, n + m);
 #undef TAKE
   return 1;
 }
@@ -199,15 +193,15 @@ void lmoc_page_switch(lmoc_page *p) { p->switched = 1; }
 
 void lmoc_page_seed(lmoc_page *p) { p->call.solved = p->call.marked = p->switched = 0; }
 
-static void remembering(lmoc_page *p) { choose(p, p->right); }
+void lmoc_page_choose(lmoc_page *p) { choose(p, p->right); }
 
 void lmoc_page_mark(lmoc_page *p) {
-  remembering(p);
+  lmoc_page_choose(p);
   lmoc_mark(&p->call);
 }
 
 void lmoc_page_go_back(lmoc_page *p) {
-  remembering(p);
+  lmoc_page_choose(p);
   if (p->call.marked) lmoc_go_back(&p->call);
 }
 
@@ -223,21 +217,6 @@ void lmoc_page_put_back(lmoc_page *p) {
   memcpy(p->call.solution, p->aside + p->n, p->unknown_count * sizeof(double));
   p->call.time = p->aside_time;
   p->call.solved = p->aside_solved;
-}
-
-int lmoc_page_turned(lmoc_page *p, int first) {
-  const lmoc_program *g = &p->programs[p->right].program;
-  int64_t at = 0;
-  if (!p->branches) return 0;
-  for (int64_t i = 0; i < g->block_count; i++) {
-    const lmoc_block *b = g->tape.blocks + i;
-    for (int64_t j = 0; b->work && j < b->instances; j++, at++) {
-      const double determinant = p->w[b->work + j];
-      if (first) p->signs[at] = determinant;
-      else if (!(determinant * p->signs[at] > 0)) return 1;
-    }
-  }
-  return 0;
 }
 
 /* ------------------------------------------------------------------ steps */
@@ -298,7 +277,7 @@ int lmoc_page_within(lmoc_page *p, double time) {
   double *now = s->x, check = 0;
   s->x = p->begin;
   if (!p->dense) {
-    remembering(p);
+    lmoc_page_choose(p);
     const int64_t before = s->evaluations;
     lmoc_dop853_dense(s);
     p->evaluations += s->evaluations - before;

@@ -40,9 +40,6 @@ void lmoc_page_go_back(lmoc_page *p);
 void lmoc_page_put_aside(lmoc_page *p);
 void lmoc_page_put_back(lmoc_page *p);
 
-/* Whether the closures of loops stand otherwise than when it was asked first: a determinant has changed its sign. */
-int lmoc_page_turned(lmoc_page *p, int first);
-
 /* Derivatives of the state. */
 void lmoc_page_rates(lmoc_page *p, double time);
 
@@ -114,18 +111,33 @@ void lmoc_page_law_values(lmoc_page *p, double time, double *out);
    it contradicts others; its gap; the law of impacts; whether it is a complementarity. */
 double lmoc_page_law(const lmoc_page *p, int k, int which);
 
-/* The choice of coordinates, watched from the state on; `sizes` are those of the entries of the constraints, (rows, columns),
-   with which they are compared. Whether it serves at the end of a step: 0; 1 where others are better by a margin, 2 where
-   the step has passed a place where it does not serve, 3 where constraints come to depend on each other. Better choices,
-   best first, as columns that are the states: how many, and where they stand. And where there are none, the longest step
-   with which to go on, 0 where that is none, and until when. */
+/* The choice of coordinates, watched from the state on, where what one has come to before in the same coordinates is kept if it
+   is `onward`; `sizes` are those of the entries of the constraints, (rows, columns), with which they are compared. Whether it
+   serves, there and at the end of a step: 0; 1 where others are better by a margin, 2 where the step has passed a place where
+   it does not serve, 3 where constraints come to depend on each other, or do so where no step was short enough. */
 double *lmoc_page_sizes(lmoc_page *p);
-void lmoc_page_watch(lmoc_page *p, double time);
+int lmoc_page_watch(lmoc_page *p, double time, int onward);
 int lmoc_page_judge(lmoc_page *p, double time);
-int lmoc_page_better(lmoc_page *p, int stuck);
+int lmoc_page_stuck(lmoc_page *p);
+int lmoc_page_determines(lmoc_page *p);                     /* whether the rest follows at all at the last place accepted */
+int lmoc_page_lost(const lmoc_page *p);                     /* which watched coordinate follows least at the last place */
+
+/* Have nonlinear blocks go on from their solutions at the last place accepted. Better choices, best first, as columns that are
+   the states: how many, and where they stand. And where there are none, the longest step with which to go on, 0 where that is
+   none, and until when. */
+void lmoc_page_stand(lmoc_page *p);
+int lmoc_page_better(lmoc_page *p);
 int32_t *lmoc_page_held(lmoc_page *p);
-void lmoc_page_tolerate(lmoc_page *p);
+int lmoc_page_tolerate(lmoc_page *p);                       /* … 1 where they are worse than a run may begin with */
 double lmoc_page_shorter(lmoc_page *p, int stalled, double span);
 double lmoc_page_until(const lmoc_page *p);
+
+/* The passage over the place where constraints depend on each other, to a state known within the absolute tolerances and no
+   longer than so much: when it ends, no number where there is none that can be trusted. The state there at a time is the
+   answer, at which nonlinear blocks stand then; and of what times and weights, (2, count), values there are made up. */
+double lmoc_page_pass(lmoc_page *p, double longest);
+void lmoc_page_over(lmoc_page *p, double time);
+int lmoc_page_beside(lmoc_page *p, double time);
+double *lmoc_page_weights(lmoc_page *p);
 
 #endif

@@ -9,6 +9,7 @@
 #include "hops.h"
 #include "law_run.h"
 #include "page.h"
+#include "passage.h"
 #include "roots.h"
 
 /* A table as a signal: a piecewise polynomial that holds its ends, as `numerics/signals/curves.py` makes it. */
@@ -44,12 +45,14 @@ typedef struct {
   lmoc_flag *which;
 } page_laws;
 
-/* Its choice of coordinates, where the run has changed it. */
+/* Its choice of coordinates, where constraints change along the motion. */
 typedef struct {
   lmoc_coordinates judge;
   lmoc_step_watch watch;
+  lmoc_passage passage;
   int64_t program;                    /* the entries of the constraints */
-  double until;                       /* when steps are no longer to be shorter */
+  double until, singular;             /* when steps are no longer to be shorter; when the last passage is singular */
+  double beside[2*LMOC_BESIDE];       /* times and weights of places on it */
   int32_t *held;                      /* (3 columns,) */
 } page_coordinates;
 
@@ -58,7 +61,7 @@ struct lmoc_page {
   curve *curves;
   int64_t program_count, curve_count, size, n, unknown_count, right, branches;
   int32_t *states, *derivatives, *unknowns;
-  double *w, *x, *answer, *atol, *f, *begin, *signs, *aside;
+  double *w, *x, *answer, *atol, *f, *begin, *aside;
   double aside_time;
   int64_t aside_solved, dense, rejected, evaluations;
   int switched;
@@ -72,6 +75,9 @@ struct lmoc_page {
   page_laws laws;
   page_coordinates coordinates;
 };
+
+/* Let the right-hand side be what is evaluated next. */
+void lmoc_page_choose(lmoc_page *p);
 
 /* Read the events behind the programs (`page_events.c`). */
 void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b);

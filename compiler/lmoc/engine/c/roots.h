@@ -38,6 +38,9 @@ typedef int (*lmoc_curve)(void *own, int64_t count, const double *times, double 
 /* Where it is lowest between two times, by golden sections; where below zero, at once. */
 int lmoc_lowest(lmoc_curve curve, void *own, double a, double b, double *time, double *value);
 
+/* The same between the neighbours of that one of some times at which it is lowest. */
+int lmoc_lowest_about(lmoc_curve curve, void *own, int64_t count, const double *times, double *time, double *value);
+
 /* The end at which it is below zero of the smallest bracket of its crossing, between a, at which it is at_a >= 0, and b,
    at which it is at_b < 0. `near` (points,) are known values around, at increasing times; or none. */
 int lmoc_locate(lmoc_curve curve, void *own, double a, double b, double at_a, double at_b, int64_t points,

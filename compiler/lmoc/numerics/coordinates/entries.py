@@ -44,7 +44,7 @@ def _by_all_equations(system: System, base: np.ndarray, own: Constraints) -> Ent
     """Return the same where coordinates that the motion does not need are watched as well."""
     plan, out, sampled = system.plan, np.empty(system.n), np.zeros(len(system.plan.sampled))
     w = np.concatenate([base, np.full(own.count - plan.count, np.nan)])
-    interpreter = Interpreter(needed_steps((*plan.full_program, *own.program), own.register, own.count), own.count)
+    interpreter = Interpreter(plan.once(_all_equations), own.count)
 
     def entries(t: float, x: np.ndarray) -> np.ndarray:
         if system.registers is not None:
@@ -58,6 +58,16 @@ def _by_all_equations(system: System, base: np.ndarray, own: Constraints) -> Ent
         return w[own.register]
 
     return entries
+
+
+def entries_program(plan: Plan) -> Program:
+    """Return what fills the entries from the registers of a system that has been evaluated."""
+    return plan.reduced.constraints.program if plan.once(_stand) else plan.once(_all_equations)
+
+
+def _all_equations(plan: Plan) -> Program:
+    own = plan.reduced.constraints
+    return needed_steps((*plan.full_program, *own.program), own.register, own.count)
 
 
 def at_hand(plan: Plan) -> np.ndarray:

@@ -55,6 +55,7 @@ class Equilibration:
 
     def __init__(self, shape: tuple[int, int], row: np.ndarray, column: np.ndarray) -> None:
         self.size, self.bound = np.zeros((2, len(row)))
+        self._served = self.size
         self.scales: tuple[np.ndarray, np.ndarray] | None = None
         self.factor, self.ranges = self.size, np.ones(shape[1])
         self._shape, self._row, self._column = shape, row, column
@@ -77,13 +78,15 @@ class Equilibration:
         """Return the factors of the rows and of the columns."""
         if self.scales is None:
             row, column, self.ranges = equilibrated(self._shape, self._place, self.size, self._columns)
-            self.scales, self._columns, self.bound = (row, column), column, LIMITS.grown * self.size
+            self.scales, self._columns, self._served = (row, column), column, self.size
+            rounding = LIMITS.no_entry * largest_of(self.size, self._row, self._shape[0])[self._row]
+            self.bound = LIMITS.grown * np.fmax(self.size, rounding)  # what rounding leaves is no entry
             self.factor = row[self._row] * column[self._column]
         return self.scales
 
     def served(self) -> np.ndarray:
         """Return the sizes that the factors were made for."""
-        return self.bound / LIMITS.grown
+        return self._served
 
     def scaled(self, matrix: np.ndarray) -> np.ndarray:
         """Return entries in which rows and columns of the sizes so far have one length."""

@@ -199,6 +199,14 @@ class Judge:
         length = self._library.lmoc_coordinates_shorter(self._own, stalled, span, ctypes.byref(until))
         return length, until.value
 
+    def stuck(self, below: float) -> bool:
+        """Look back at the place accepted last; return whether its smallest singular value is below so much."""
+        return bool(self._library.lmoc_coordinates_stuck(self._own, below))
+
+    def lost(self) -> int:
+        """Return which of the watched coordinates follows least from the states at the last place."""
+        return int(self._library.lmoc_coordinates_lost(self._own))
+
     def better(self) -> list[list[int]]:
         """Return the columns that are the states in better choices, best first."""
         states = self.data.columns - self.data.rows

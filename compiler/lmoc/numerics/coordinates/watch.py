@@ -121,20 +121,16 @@ class CoordinateWatch:
     def leave(self, t: float, x: np.ndarray) -> None:
         """Take the steps judged in C for accepted."""
         self._places += self._in_c.left()
-        self._look_back(lost_rank=False)
+        self.judge.stuck(0.0)
 
     def stuck(self, status: Status) -> Status:
         """Return COORDINATES where no step was short enough and others would be better here, or none would serve."""
         crawling = status is Status.CRAWLING  # not the fault of coordinates: they are watched
-        lost_rank = self.margin < (LIMITS.alert if crawling else LIMITS.dependent)
+        lost_rank = self.judge.stuck(LIMITS.alert if crawling else LIMITS.dependent)
         if crawling and not lost_rank:  # begun so near that all entries of a column have been small ever since
             lost_rank = self.margin_at_once(self.accepted) < LIMITS.dependent
-        self._look_back(lost_rank)
+            self.judge.data.lost_rank = lost_rank
         return Status.COORDINATES if lost_rank or (not crawling and self.better()) else status
-
-    def _look_back(self, lost_rank: bool) -> None:
-        data = self.judge.data
-        data.last, data.lost_rank, data.singular = data.accepted, lost_rank, self.accepted.t
 
     @property
     def lost_rank(self) -> bool:
@@ -193,9 +189,7 @@ class CoordinateWatch:
                 return self.local.margin(matrix)
             return rank_margin(matrix * self.judge.row_factor[:, None] * self.judge.column_factor)
 
-        last = len(found.times) - 1
-        k = int(np.argmin([margin(t) for t in found.times.tolist()]))
-        t, least = lowest(margin, float(found.times[max(k - 1, 0)]), float(found.times[min(k + 1, last)]))
+        t, least = lowest(margin, found.times)
         return t if least < LIMITS.dependent else None
 
     def margin_at_once(self, place: Place) -> float:
@@ -205,11 +199,8 @@ class CoordinateWatch:
 
     def lost(self) -> int:
         """Return the flat variable that follows least from the states."""
-        own, judge = self.constraints, self.judge
-        table = self.last.table * judge.ranges[own.watched, None] / judge.ranges[own.rows :]
-        worst = np.where(np.isfinite(table), np.abs(table), np.inf)
-        row = int(np.argmax(worst.max(axis=1, initial=0.0)))
-        return int(own.variable[own.watched[row]])
+        own = self.constraints
+        return int(own.variable[own.watched[self.judge.lost()]])
 
     # ------------------------------------------------------------------ behind it
 

@@ -7,6 +7,7 @@ from dataclasses import field
 
 import numpy as np
 
+from lmoc.engine.passage import places_beside
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import nearest
 from lmoc.numerics.limits import KEPT_NAMES
@@ -57,16 +58,16 @@ class Aside:
 
     Attributes
     ----------
-    singular, distance : s, the instant, and how far aside values are computed where one is asked for next to it
+    singular, width : s, the instant, and the length of the way
     at : times -> (states, solutions of the blocks)
     """
 
     singular: float
-    distance: float
+    width: float
     at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
     def around(self, values: Evaluate, evaluate: Evaluate, unknowns: np.ndarray, path: Path) -> Evaluate:
-        """Return ``(times, states) -> values`` that interpolates next to the singular position (cubic, symmetric).
+        """Return ``(times, states) -> values`` that interpolates next to the singular position.
 
         Parameters
         ----------
@@ -75,11 +76,12 @@ class Aside:
 
         def found(times: np.ndarray, states: np.ndarray) -> np.ndarray:
             result = values(times, states)
-            for k in np.flatnonzero(np.abs(times - self.singular) < self.distance / 4).tolist():
-                beside = times[k] + self.distance * np.array([-2.0, -1.0, 1.0, 2.0])
-                states_there, solutions = self.at(beside)
-                seeds = Path(beside, states_there, path.unknowns, solutions).of(unknowns) if len(unknowns) else None
-                result[k] = np.array([-1.0, 4.0, 4.0, -1.0]) / 6.0 @ evaluate(beside, states_there, seeds)
+            for k, time in enumerate(times.tolist()):
+                beside, weights = places_beside(time, self.singular, self.width)
+                if len(beside) > 1:
+                    states_there, solutions = self.at(beside)
+                    seeds = Path(beside, states_there, path.unknowns, solutions).of(unknowns) if len(unknowns) else None
+                    result[k] = weights @ evaluate(beside, states_there, seeds)
             return result
 
         return found

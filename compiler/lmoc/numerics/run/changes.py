@@ -31,7 +31,14 @@ _FAR = 0.1  # … and the smallest singular value of the constraints is no small
 _WIDER = 2.0  # by which the smallest singular value must be larger with other constraints left out
 _NEARER = 3.0  # by which it must be smaller for that to be tried again
 _MANY = 100  # continuations after which it is judged whether they get on
-_ASIDE = 1e-2  # of a passage: as far from a singular position values there are computed
+BUSY = (
+    "a singular position lies ahead, in which the constraints depend on each other and branches of the motion meet; "
+    "the motion cannot be followed over it, since a law or an event changes it just there"
+)
+AHEAD = (
+    "a singular position lies ahead, in which the constraints depend on each other: several branches of the motion may "
+    "meet there, none of which continues it smoothly, and no coordinates determine {lost}"
+)
 
 
 class ShortSteps(Lookout):
@@ -236,7 +243,7 @@ class Changes:
         ahead = between.recorder.times
         times = ahead[ahead < begin] if begin < end else ahead  # no other segment follows the last one
         states, solutions = found.at(times)
-        aside = None if singular is None else Aside(singular, _ASIDE * width, found.at)
+        aside = None if singular is None else Aside(singular, found.width, found.at)
         between.observer.path = Path(times, states, watch.unknowns, solutions, aside)
         if len(times):
             between.recorder(0, states)
@@ -295,16 +302,8 @@ class Changes:
         """Say why the run cannot go on: `in_vain` where one choice has followed the other."""
         reduced, watch = segment.plan.reduced, segment.watch
         names, lost = ", ".join(reduced.state_names), reduced.flat.variable_name(watch.lost())
-        if watch.lost_rank and self._busy:
-            self.reason = (
-                "a singular position lies ahead, in which the constraints depend on each other and branches of the "
-                "motion meet; the motion cannot be followed over it, since a law or an event changes it just there"
-            )
-        elif watch.lost_rank:
-            self.reason = (
-                "a singular position lies ahead, in which the constraints depend on each other: several branches of "
-                f"the motion may meet there, none of which continues it smoothly, and no coordinates determine {lost}"
-            )
+        if watch.lost_rank:
+            self.reason = BUSY if self._busy else AHEAD.format(lost=lost)
         elif in_vain:
             self.reason = (
                 f"the coordinates {names} and others have been exchanged {_MANY} times without progress; none of them "

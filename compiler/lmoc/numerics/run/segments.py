@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.failures.assertions import Assertions
     from lmoc.numerics.run.changes import Changes, Continuation
 
-_ROUNDING = 5e-11  # of the size of the states: tolerances are no finer where constraints almost depend on each other
+ROUNDING = 5e-11  # of the size of the states: tolerances are no finer where constraints almost depend on each other
 FINER = 0.1  # factor on the tolerances of segments after a change of coordinates
 
 
@@ -388,7 +388,7 @@ class _Run:
         else:
             sizes = assumed_sizes(self.segment.plan, self.task.values, outcome.x, self.task.sizes)
             tolerance = self.tolerances.rtol * np.abs(outcome.x) + self.tolerances.absolute(self.segment, outcome.x)
-            continuation = self.changes.onward(self.segment, outcome, np.maximum(FINER * tolerance, _ROUNDING * sizes))
+            continuation = self.changes.onward(self.segment, outcome, np.maximum(FINER * tolerance, ROUNDING * sizes))
             self.lost = self.changes.reason
         if continuation is None:
             return replace(outcome, status=Status.SINGULAR)

@@ -11,12 +11,14 @@ import numpy as np
 
 from lmoc.ir.program import Program
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.change import all_unknowns
+from lmoc.numerics.coordinates.change import all_unknowns, block_unknowns
+from lmoc.numerics.coordinates.entries import entries_program
 from lmoc.numerics.coordinates.watch import MOST_ROWS, told_registers
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import renumber
-from lmoc.numerics.observe.trajectory import Trajectory
 from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.run.changes import AHEAD, BUSY
+from lmoc.numerics.run.segments import ROUNDING
 from lmoc.support.records import dataclass
 from lmoc.view.javascript.registers import RegisterSource
 
@@ -28,41 +30,51 @@ class CoordinateTables:
     Attributes
     ----------
     own : the constraints
-    entries, told : registers of the entries, and of the coordinates; of these none where the system does not tell
-    ranked : whether constraints may not come to depend on each other
+    entries, told, solved : registers of the entries; of the coordinates, none where the system does not tell; of the
+        unknowns of nonlinear blocks
+    ranked : whether constraints may not come to depend on each other; those of many loops are seen as a whole here
     """
 
     own: Constraints
     entries: np.ndarray
     told: np.ndarray
+    solved: np.ndarray
     ranked: bool
 
 
-def is_ranked(trajectory: Trajectory) -> bool:
-    """Return whether a run has come to no place where its constraints depend on each other.
-
-    Over such a place a page goes on as its method does; a run begins another segment in the same coordinates behind it.
-    """
-    reduced = [segment.reduced for segment in trajectory.segments]
-    return all(a is not b for a, b in zip(reduced, reduced[1:]))
-
-
 def write_constraints(
-    plan: Plan, registers: RegisterSource, ranked: bool
+    observer: Observer, registers: RegisterSource
 ) -> tuple[Program, dict[str, Any] | None, CoordinateTables | None]:
     """Return what fills the constraint matrix from the registers of the right-hand side, and what is judged by it.
 
-    The latter for the page, and for the engine; None where the choice never changes.
+    The latter for the page, and for the engine; None where nothing that is divided by changes along the motion.
     """
+    plan = observer.plan
     own = plan.reduced.constraints
-    if own is None:
+    if own is None or not len(plan.states):
         return (), None, None
     shared = plan.reduced.registers.count
     new = np.concatenate([np.arange(shared), registers.add(own.count - shared)])
-    data = {"rows": own.rows, "variable": own.variable.tolist(), "source": own.source.tolist()}
-    told = told_registers(plan)
-    tables = CoordinateTables(own, new[own.register], told, ranked and own.rows <= MOST_ROWS)
-    return tuple(renumber(step, new) for step in own.program), data, tables
+    data = {
+        "rows": own.rows,
+        "variable": own.variable.tolist(),
+        "source": own.source.tolist(),
+        "watched": [observer.flat.variable_name(int(v)) for v in own.variable[own.watched]],
+        "sizes": [float(v) if np.isfinite(v) else None for v in plan.nominal(observer.values)],
+        "rounding": ROUNDING,
+        "ahead": AHEAD,
+        "busy": BUSY,
+    }
+    registers_of_blocks = plan.once(block_unknowns)
+    tables = CoordinateTables(own, new[own.register], told_registers(plan), registers_of_blocks, own.rows <= MOST_ROWS)
+    return tuple(renumber(step, new) for step in entries_program(plan)), data, tables
+
+
+def coordinates(plan: Plan) -> list[int]:
+    """Return the flat variables that are states, their rates left out."""
+    table = plan.reduced.registers
+    own = plan.states[: plan.state_count]
+    return table.variable[own[table.order[own] == 0]].tolist()
 
 
 def passage(observer: Observer, other: Plan) -> list[list[int]]:

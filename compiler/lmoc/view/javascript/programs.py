@@ -12,6 +12,7 @@ from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.packed import Packer
 from lmoc.lower.tape import Tape
 from lmoc.numerics.coordinates.limits import LIMITS
+from lmoc.numerics.coordinates.passage import gauss_tables
 from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
 from lmoc.numerics.dop853.rules import RULES
 from lmoc.numerics.evaluate import engine_stepper
@@ -107,8 +108,9 @@ def packed_programs(
     p.integer(watch is not None)
     if watch is not None:
         p.each((int(np.asarray(numbers["constraints"])), *watch.own.shape, watch.ranked))
-        for table in (watch.own.watched, watch.entries, watch.own.place, watch.told):
+        for table in (watch.own.watched, watch.entries, watch.own.place, watch.told, watch.solved):
             p.integers(table)
+        p.reals(gauss_tables())
         p.reals(list(vars(LIMITS).values()))
     return p.finish(), numbers
 

@@ -29,7 +29,7 @@ from lmoc.numerics.signals.signals import Function, break_times
 from lmoc.numerics.signals.tables import Table
 from lmoc.support.records import dataclass
 from lmoc.view.javascript.accuracy import absolute_tolerances, refinement, seeds
-from lmoc.view.javascript.coordinates import is_ranked, pairs, passage, write_constraints
+from lmoc.view.javascript.coordinates import coordinates, pairs, passage, write_constraints
 from lmoc.view.javascript.events import write_events
 from lmoc.view.javascript.laws import LawTables, write_laws
 from lmoc.view.javascript.programs import InstantTables, Programs, packed_programs
@@ -79,7 +79,7 @@ def write_script(trajectory: Trajectory, stop: float | None = None) -> Script:
         raise NotWritten("the start of the run is not among its output times")
     stop = trajectory.planned if stop is None else stop
     places = [(observer, times[0], states[0]), *_other_choices(trajectory)]
-    scenes = [_Scene(o, segment.begin, stop, t, x, trajectory, len(places) > 1) for o, t, x in places]
+    scenes = [_Scene(o, segment.begin, stop, t, x, trajectory) for o, t, x in places]
     return _with_choices(*scenes) if len(scenes) > 1 else scenes[0].script()
 
 
@@ -88,9 +88,10 @@ def _other_choices(trajectory: Trajectory) -> Iterator[tuple[Observer, float, np
     known = [sorted(trajectory.segments[0].coordinates)]
     for segment in trajectory.segments:
         path, own = segment.observer.path, sorted(segment.coordinates)
-        if own not in known and path is not None:  # in all coordinates of loops there is none
+        times, states = segment.samples if path is None else (path.times, path.states)
+        if own not in known and len(times) and not segment.reduced.in_all_coordinates:
             known.append(own)
-            yield segment.observer, float(path.times[0]), path.states[0]
+            yield segment.observer, float(times[0]), states[0]
 
 
 def _with_choices(*scenes: _Scene) -> Script:
@@ -141,10 +142,8 @@ class _Scene:
         time: float,
         x: np.ndarray,
         trajectory: Trajectory,
-        changes: bool,
     ) -> None:
         stats = trajectory.stats
-        self.changes, self.ranked = changes, is_ranked(trajectory)
         self.plan: Plan = observer.plan
         self.observer, self.begin, self.stop, self.time, self.x = observer, begin, stop, time, x
         self.flat: FlatDAE = observer.flat
@@ -187,7 +186,7 @@ class _Scene:
         breaks, lines, switches = self._breaks()
         judged, checks = self._checks()
         happening, laws, events, engine = self._happening()
-        constraints, watch, judged_by = write_constraints(plan, self, self.ranked) if self.changes else ((), None, None)
+        constraints, watch, judged_by = write_constraints(self.observer, self)
         steps = (copied, *plan.reduced.parameter_program)
         reading = (*steps, *start.wanted, *breaks, *judged, *(s for p in _flat(happening) for s in p))
         steps = (*self._bindings(reading, _read_by_hand(*engine)), *steps, *start.wanted, *judged)
@@ -220,6 +219,7 @@ class _Scene:
             "breakTimes": break_times(self.observer.signals, self.begin, self.stop, kinks.MOST // 10).tolist(),
             "checks": checks,
             "watch": watch,
+            "coordinates": coordinates(plan),
             "laws": laws,
             "events": events,
             "lines": lines,

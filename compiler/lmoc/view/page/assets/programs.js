@@ -121,9 +121,4 @@ export class Programs {
   vanishing(count) {
     return [...new Uint8Array(this.buffer, this.exports.lmoc_page_which(this.page), count)];
   }
-
-  /** Whether the closures of loops have turned over since it was asked `first`. */
-  turned(first = false) {
-    return this.exports.lmoc_page_turned(this.page, Number(first)) !== 0;
-  }
 }

@@ -69,11 +69,9 @@ export class Scene {
     this.functions.parameters(NaN);
   }
 
-  /** Whether this choice of coordinates has these flat variables for its states. */
+  /** Whether these flat variables are states in this choice of coordinates. */
   hasStates(variables) {
-    const { rows, variable } = this.data.watch;
-    const own = variable.slice(rows);
-    return own.length === variables.length && variables.every((v) => own.includes(v));
+    return variables.every((v) => this.data.coordinates.includes(v));
   }
 
   /** The states of another choice where this one stands at {t, x}; its nonlinear blocks begin there. */

@@ -10,9 +10,10 @@ import { Stopped } from "./stopped.js";
 
 const CLOCK = 16; // steps between two looks at the clock
 const SAME = 1e-14; // of the time: an output time that is that of an event
-const FINER = 0.1; // factor on the tolerances behind a change of coordinates
+const FINER = 0.1; // factor on the tolerances of watched pieces behind the first, where one divides by what the other has found
 const STIFFER = 0.1; // factor on the tolerances of the implicit method
 const DRIFT = 0.1; // of the tolerance: from there on the states are moved onto what is closed
+const LOOKS_WITHIN = 32; // places on a passage at which it is looked whether something happens; even, so that none is singular
 const NO_TIME = 1e-15; // of the time: in a shorter piece nothing moves
 
 /**
@@ -31,7 +32,7 @@ export function simulate(scene, changed, times, wanted, limits = {}) {
  */
 export class Run {
   constructor(scene, times, wanted, { deadline = Infinity, now = () => 0, mostSteps = 1_000_000, initial = {}, pulls = [], finer = 1 }) {
-    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, initial, pulls, finer, pulled: 0, horizon: Infinity, watch: null, short: null, stalled: [0, null], tried: new Set() });
+    Object.assign(this, { scene, times, wanted, deadline, now, mostSteps, initial, pulls, finer, pulled: 0, horizon: Infinity, watch: null, lastWatch: null, begun: false, later: 1, lacking: false, short: null, busy: false, stalled: [0, null], tried: new Set() });
     this.registers = [wanted]; // of each choice of coordinates
     for (const other of scene.choices.slice(1)) {
       const observed = new Map(other.data.observed);
@@ -58,7 +59,6 @@ export class Run {
       if (this.reason === "" && x.some((v) => !Number.isFinite(v))) this.reason = "there is no start with these values";
       if (this.reason === "") {
         scene.rates(scene.data.begin, x, new Float64Array(x.length));
-        scene.programs.turned(true);
         yield* this.pieces(x);
       }
     } catch (stopped) {
@@ -77,9 +77,17 @@ export class Run {
   }
 
   record(time, x) {
+    this.write(this.values(time, x));
+  }
+
+  /** What is wanted at a place. */
+  values(time, x) {
     const w = this.scene.observe(time, x);
-    const registers = this.registers[this.choice];
-    for (let c = 0; c < registers.length; c++) this.columns[c][this.reached] = registers[c] < 0 ? NaN : w[registers[c]];
+    return Float64Array.from(this.registers[this.choice], (register) => (register < 0 ? NaN : w[register]));
+  }
+
+  write(values) {
+    values.forEach((v, c) => (this.columns[c][this.reached] = v));
     this.reached++;
   }
 
@@ -121,22 +129,24 @@ export class Run {
     const { dynamics, data } = this.scene;
     let x = from;
     let begin = data.begin;
-    this.watched(begin, x);
+    let serve = this.watched(begin, x);
+    if (!serve && !this.watch.determines) this.reason = `the coordinates do not determine ${this.watch.lost} at the start`;
     for (;;) {
       x = this.pull(begin, x);
       const until = dynamics?.until ?? data.end;
       const end = Math.min(until, this.horizon, this.pulls[this.pulled]?.[0] ?? Infinity);
       while (this.reached < times.length && times[this.reached] <= begin) this.record(times[this.reached], x);
       const roots = dynamics?.roots(begin, x) ?? null;
-      let outcome = this.piece(begin, x, end, roots);
+      let outcome = serve ? this.piece(begin, x, end, roots) : { t: begin, x, which: null, changes: true, stuck: false };
+      serve = true;
       this.steps++; // a piece may end within its first step, again and again
       if (this.steps > this.mostSteps) this.reason = "it takes too many steps";
       if (this.now() > this.deadline) this.reason = "it takes too long";
       if (this.reason !== "") return;
       if (outcome.changes) {
-        x = this.otherCoordinates(outcome);
-        if (x === null) return;
-        begin = outcome.t;
+        const onward = this.otherCoordinates(outcome, until);
+        if (onward === null) return;
+        ({ t: begin, x, serve } = onward);
         continue;
       }
       if (end < until && outcome.which === null) {
@@ -156,42 +166,96 @@ export class Run {
         this.record(last, behind);
       }
       [begin, x] = [outcome.t, behind];
+      serve = this.watched(begin, x);
     }
   }
 
-  /** Watch the coordinates from a place on, where there are others. */
+  /** Watch the coordinates from a place on, where what they divide by changes along the motion; whether they serve there. */
   watched(t, x) {
-    this.watch = this.main.choices.length ? new Watch(this.scene, t, x, this.watch) : null;
+    this.watch = this.scene.data.watch === null || x.length === 0 ? null : new Watch(this.scene, t, x, this.lastWatch);
+    this.later = this.watch !== null && this.begun ? FINER : 1;
+    this.begun = true;
+    this.lastWatch = this.watch ?? this.lastWatch;
+    return this.watch === null || this.watch.serves;
   }
 
-  /** Go on at {t, x} in better coordinates; the state there, null where the page has none that serve. */
-  otherCoordinates({ t, x, stuck }) {
-    const { watch, main } = this;
-    this.scene.programs.goBack();
+  /** Go on from {t, x} in better coordinates, or behind a singular position: {t, x, serve}; null where there is no way. */
+  otherCoordinates({ t, x, stuck }, until) {
+    const { watch, scene } = this;
+    watch.stand();
     this.stalled = [t === this.stalled[1] ? this.stalled[0] + 1 : 0, t];
     this.short = null;
-    const better = watch.lostRank && !stuck ? [] : watch.better(stuck);
-    for (const variables of better) {
+    const onward = watch.lostRank ? this.beyond(t, x, until) : this.changed(t, x);
+    if (onward !== null) return onward;
+    const same = { t, x, serve: true };
+    const worse = !stuck && !watch.passedSingular && !watch.lostRank;
+    if (worse && !(watch.tolerate() && this.lacking)) return same;
+    if (!worse) this.short = watch.shorter(this.stalled[0], scene.data.end - scene.data.begin);
+    if (this.short?.longest > 0) return same;
+    const { ahead, busy } = scene.data.watch;
+    const others = "the coordinates would have to change, to some that this page does not have";
+    const why = watch.lostRank ? (this.busy ? busy : ahead.replace("{lost}", watch.lost)) : others;
+    this.reason = `the run stops at t = ${t.toPrecision(6)} s: ${why}`;
+    return null;
+  }
+
+  /** Go on in better coordinates: {t, x, serve}; null where the page has none. */
+  changed(t, x) {
+    const { watch, main } = this;
+    this.lacking = false;
+    for (const variables of watch.better()) {
       const choice = main.choices.findIndex((other) => other.hasStates(variables));
+      this.lacking ||= choice < 0;
       const key = `${t} ${choice}`;
       if (choice < 0 || this.tried.has(key)) continue; // it has begun here with them already
       this.tried.add(key);
       const other = main.choices[choice];
       const state = this.scene.passTo(other, main.data.passages[this.choice][choice], t, x);
       if (!state.every(Number.isFinite)) continue;
-      Object.assign(this, { scene: other, choice, finer: Math.min(this.finer, FINER) });
-      this.watched(t, state);
-      return state;
+      Object.assign(this, { scene: other, choice });
+      return { t, x: state, serve: this.watched(t, state) };
     }
-    if (!stuck && !watch.passedSingular && !watch.lostRank) {
-      watch.tolerate();
-      return x;
-    }
-    this.short = stuck ? null : watch.shorter(this.stalled[0], main.data.end - main.data.begin);
-    if (this.short?.longest > 0) return x;
-    if (watch.lostRank) this.reason = `a singular position lies ahead at t = ${t.toPrecision(4)} s, in which branches of the motion meet`;
-    else this.reason = `the coordinates would have to change at t = ${t.toPrecision(4)} s, to some that this page does not have`;
     return null;
+  }
+
+  /** Go on behind a place where the constraints depend on each other: {t, x, serve}; null where nothing leads there. */
+  beyond(t, x, until) {
+    const { watch, scene, times } = this;
+    const { rtol, atol, begin, end, watch: own } = scene.data;
+    const known = x.map((v, j) => Math.max(FINER * (rtol * Math.abs(v) + atol[j]), own.rounding * (own.sizes[j] ?? Math.max(1, Math.abs(v)))));
+    const behind = watch.pass(known, end - begin);
+    const busy = behind !== null && this.happens(t, behind, until);
+    this.busy = busy || (this.busy && behind === null); // nearer, rounding may hide it
+    if (behind === null || busy) {
+      watch.stand();
+      return null;
+    }
+    const reached = Math.min(behind, end);
+    while (this.reached < times.length && (times[this.reached] < reached || reached === end)) {
+      const found = new Float64Array(this.wanted.length);
+      for (const [time, weight] of watch.beside(times[this.reached])) {
+        this.values(time, watch.over(time)).forEach((v, c) => (found[c] += weight * v));
+      }
+      this.write(found);
+    }
+    const state = watch.over(reached);
+    return { t: reached, x: state, serve: this.watched(reached, state) };
+  }
+
+  /** Whether a law or an event, or the hand, changes the motion on a passage (`HybridDynamics.happen_on`). */
+  happens(t, behind, until) {
+    const { dynamics } = this.scene;
+    if (this.pulls[this.pulled]?.[0] <= behind) return true;
+    if (dynamics === null) return false;
+    if (behind >= until) return true;
+    for (let k = 0; k < LOOKS_WITHIN; k++) {
+      const time = t + ((behind - t) * k) / (LOOKS_WITHIN - 1);
+      const state = this.watch.over(time);
+      const roots = dynamics.roots(time, state);
+      const values = roots?.value(time, state) ?? [];
+      if (values.some((v, i) => !(v * roots.signs[i] >= 0))) return true;
+    }
+    return false;
   }
 
   /** Integrate to `end`, or to the first root before: {t, x, which}; `which` is null where there was none. */
@@ -201,7 +265,7 @@ export class Run {
       while (this.reached < this.times.length && this.times[this.reached] <= end) this.record(this.times[this.reached], x);
       return { t: end, x, which: null };
     }
-    if (end - from <= NO_TIME * Math.max(Math.abs(from), Math.abs(end))) return { t: end, x, which: null };
+    if (end - from <= NO_TIME * Math.max(Math.abs(from), Math.abs(end))) return { t: Math.max(from, end), x, which: null };
     const later = [...scene.data.bounds.slice(1).map(([edge]) => edge), this.short?.until ?? end];
     const edges = [...scene.breaks(from, end), ...later.filter((edge) => edge > from && edge < end)];
     let [begin, state] = [from, x];
@@ -223,7 +287,8 @@ export class Run {
   smooth(begin, x, end, until, roots) {
     const { scene, times } = this;
     const { data, dynamics } = scene;
-    const factor = this.finer * calibration(data.refine, data.rtol * this.finer);
+    const finer = this.finer * this.later;
+    const factor = finer * calibration(data.refine, data.rtol * finer);
     const tolerances = { rtol: data.rtol * factor, atol: data.atol.map((a) => a * factor) };
     const longest = (begin + end) / 2 < this.short?.until ? this.short.longest : Infinity;
     const maxStep = Math.min(scene.longest(begin, end), dynamics?.longestStep ?? Infinity, longest);
@@ -252,12 +317,10 @@ export class Run {
       if (method.isStiff) method = this.stiff(method, end, tolerances, maxStep);
       const wanted = finder === null ? times[this.reached] : -Infinity;
       if (!method.step(wanted)) {
-        if (this.watch?.better(true).length) return this.stopped(method, method.t, method.x, true);
+        if (this.watch?.stuck()) return this.stopped(method, method.t, method.x, true);
         this.reason = `the run stops at t = ${method.t.toPrecision(6)} s: it has no values beyond`;
-      } else if (this.watch !== null) {
-        if (!this.watch.judge(method.t, method.x)) return this.stopped(method, method.before, method.last, false);
-      } else if (scene.programs.turned()) {
-        this.reason = `the coordinates would have to change at t = ${method.t.toPrecision(4)} s`;
+      } else if (this.watch !== null && !this.watch.judge(method.t, method.x)) {
+        return this.stopped(method, method.before, method.last, false);
       }
       if (this.reason !== "") break;
       const found = finder === null ? null : finder.first(method);
