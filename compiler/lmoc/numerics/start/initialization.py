@@ -20,6 +20,8 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.start.assembly_notes import note_assemblies
 from lmoc.numerics.start.targets import Targets
 
+_MET = 1e-9  # of the size, within which a closure has a coordinate that was wanted
+
 
 def initial_state(
     plan: Plan,
@@ -60,7 +62,11 @@ def initial_state(
     if direct.all() and (counts <= 1).all() and not flat.initial_groups:
         x[at] = wanted.value
         note_assemblies(flat, guess, wanted, report)
-        return _guessed(guess, x, at) if guess is not None and guess.closed else x
+        if guess is not None and guess.closed:
+            first = _guessed(guess, x, at)
+            first[at[wanted.hard]] = wanted.value[wanted.hard]
+            return first
+        return x
     key = None if signals else (time, *(a.tobytes() for a in (base, values, *_columns(wanted))))
     last = plan.once(_Solved)
     solved = plan.once(_solved)
@@ -151,9 +157,17 @@ def _solved(plan: Plan) -> np.ndarray:
 
 
 def _guessed(guess: StartGuess | None, x: np.ndarray, given: np.ndarray) -> np.ndarray:
-    """(n,) another first point: where nobody has said anything, what the constraints allow."""
+    """(n,) another first point: where nobody has said anything, what the constraints allow.
+
+    Where loops are closed nearest to what is wanted, a coordinate that is missed there is theirs: from where a guess
+    has it, another branch may begin, or nothing at all.
+    """
     first = x.copy()
     if guess is not None:
-        first[: len(guess.states)] = guess.states
+        own = first[: len(guess.states)]
+        own[:] = guess.states
         first[given] = x[given]
+        if guess.closed:
+            missed = np.abs(own - guess.states) > _MET * (1.0 + np.abs(guess.states))
+            own[missed] = guess.states[missed]
     return first
