@@ -30,8 +30,8 @@ linear equations and least squares of LAPACK (`dgesv`, `dgesv_vec`, `dgglse_vec`
 `automaticGlobalSeed` gives is the same in each run, as all that lmoc computes; other seeds give other noise. The
 generator with a state of its own (`impureRandom`) is refused. Units that do not fit within a library are warnings
 (W0303). What a package has written (kinks, open ends, guesses of starts, assertions in functions) is told of its own
-class alone, not of a model that uses it, and of a class that is only named (`lmoc run Package.Class`) where its file
-lies below the current folder.
+class alone, not of a model that uses it, and of a class that is only named (`lmoc run Package.Class`) unless it has
+been found in a folder of `--path`, `path=` or `LMOPATH`.
 
 `python -m benchmarks.msl FOLDER REFERENCES PACKAGE` runs all examples of a package, and holds them against the
 published results.

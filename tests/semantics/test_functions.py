@@ -213,6 +213,12 @@ def test_an_assertion_in_a_function_is_looked_at_where_it_is_known() -> None:
     assert only.code == "E0222" and "no root of a negative number" in only.message
     dae = flat(f"{function} model A Real r = root(time); end A;", library=False)
     assert [note.code for note in dae.notes] == ["W0229"]
+    refused = """function f input Real x; output Real y; algorithm y := x;
+        if x > 3 then y := root(-x); assert(false, "too much"); end if; end f;"""
+    dae = flat(f"{function} {refused} model A Real r = f(time); end A;", library=False)
+    assert {note.code for note in dae.notes} == {"W0229"}  # reached or not: the run decides
+    (only,) = mistakes(f"{function} {refused} model A parameter Real p = 4; Real r = f(p); end A;")
+    assert only.code == "E0222" and "too much" in only.message
 
 
 @pytest.mark.parametrize(

@@ -195,16 +195,18 @@ end Wagon;
 
 
 def test_what_a_package_has_written_is_not_told_to_who_uses_it(tmp_path, monkeypatch) -> None:
-    """A kink, an open end and a guess that cannot be met: told where the class lies below the current folder.
+    """A kink, an open end and a guess that cannot be met: told where the class is found in the current folder.
 
-    Elsewhere it is a library's, and neither a model with it nor who runs it is told.
+    In a folder that is named for libraries it is a library's, wherever that lies, and neither a model with it nor who
+    runs it is told.
     """
     write(tmp_path, {"Trains/package.mo": "package Trains end Trains;", "Trains/Wagon.mo": WAGON})
     far = compile_scene("Trains.Wagon", path=str(tmp_path))
     assert not {"W0311", "W0312", "W0533"} & {d.code for d in (*far.notes, *far.simulate(stop=0.1).notes)}
     with monkeypatch.context() as at_home:
         at_home.chdir(tmp_path)
-        own = compile_scene("Trains.Wagon", path=str(tmp_path))
+        assert not {"W0311", "W0312"} & {d.code for d in compile_scene("Trains.Wagon", path=".").notes}
+        own = compile_scene("Trains.Wagon")
     assert {"W0311", "W0312"} <= {d.code for d in own.notes}
     assert "W0533" in {d.code for d in own.simulate(stop=0.1).notes}
     used = compile_text("model M Trains.Wagon w; end M;", model="M", path=str(tmp_path))

@@ -97,7 +97,7 @@ def flatten(
     root = root_instance(cls, overrides.modifier())
     elaboration = Elaboration(root, report, overrides.elements, LongSums(drafts))
     named = tuple(file.span.source for file in files)
-    own = (*named, *_if_near(cls.definition.span.source))
+    own = (*named, *_if_own(cls.definition.span.source, folders))
     try:
         flat = _Flattening(elaboration, overrides, drafts, named, own).run()
     except Wrong as wrong:  # nothing of the model can be made: it extends itself, for instance
@@ -111,9 +111,12 @@ def flatten(
     return replace(flat, notes=(*notes, *left_out(files, report)))
 
 
-def _if_near(source: Source) -> tuple[Source, ...]:
-    """Return the text of a class that is only named, where it lies below the current folder; elsewhere, a library's."""
-    return (source,) if Path(source.name).absolute().is_relative_to(Path.cwd()) else ()
+def _if_own(source: Source, folders: Sequence[Folder]) -> tuple[Source, ...]:
+    """Return the text of a class that is only named, unless it has been found in a folder of libraries."""
+    place = Path(source.name).absolute()
+    around = [folder for folder in folders if place.is_relative_to(folder.path.absolute())]
+    nearest = max(around, key=lambda folder: len(folder.path.absolute().parts), default=None)
+    return () if nearest is None or nearest.library else (source,)
 
 
 def _is_in(span: Span | None, sources: Sequence[Source]) -> bool:

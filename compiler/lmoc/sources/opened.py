@@ -83,7 +83,7 @@ def folders_of_path(path: Named | None) -> tuple[Folder, ...]:
             what = "is a file, not a folder" if str(name) and Path(name).exists() else "does not exist"
             raise refusal("E0610", f"the folder '{name}' {what}", hint="classes are looked for in folders")
     around = [name for name in os.environ.get(VARIABLE, "").split(os.pathsep) if name and Path(name).is_dir()]
-    return _distinct([Folder(Path(name)) for name in (*given, *around)])
+    return _distinct([Folder(Path(name), library=True) for name in (*given, *around)])
 
 
 def _is_class_name(name: str | os.PathLike[str]) -> bool:
@@ -104,10 +104,9 @@ def top_folder(path: Path, file: tree.File) -> Path:
 
 
 def _distinct(folders: Sequence[Folder]) -> tuple[Folder, ...]:
-    """The folders, each once."""
+    """The folders, each once; of libraries where it is named as such."""
     seen: dict[Path, Folder] = {}
     for folder in folders:
-        seen.setdefault(folder.path.absolute(), folder)
+        first = seen.setdefault(folder.path.absolute(), folder)
+        first.library |= folder.library
     return tuple(seen.values())
-
-

@@ -45,10 +45,12 @@ class Folder:
     ----------
     path : the folder
     within : full name of the package whose folder it is; empty for one in which top-level classes are looked for
+    library : whether the user has named it as a folder of libraries
     """
 
     path: Path
     within: tuple[str, ...] = ()
+    library: bool = False
     _entries: dict[str, list[str]] | None = None
     _found: dict[str, Found | None] = field(default_factory=dict)
 

@@ -45,7 +45,7 @@ def with_events(flat: FlatDAE, drafts: Drafts, assembler: Assembler, report: Rep
             if left.op == "slot" and kinds and kinds[left.value[0]] == Kind.DISCRETE:
                 _report_continuous(flat, group, report)
             continuous.append(replace(group, left=left, right=right, slots=slots))
-    start, initial_groups = _start(flat, drafts)
+    start, initial_groups = _start(flat, drafts, work)
     reinits = _reinits(drafts.reinits, assembler, work)
     changed = replace(
         flat,
@@ -104,9 +104,7 @@ def _used(shapes: list[Expr], slots: np.ndarray) -> tuple[list[Expr], np.ndarray
     columns = sorted({leaf.value[0] for shape in shapes for leaf in dag.slots(shape)})
     if columns == list(range(slots.shape[1])):
         return shapes, slots
-    new = {
-        leaf: dag.slot(columns.index(leaf.value[0]), leaf.value[1]) for shape in shapes for leaf in dag.slots(shape)
-    }
+    new = {leaf: dag.slot(columns.index(leaf.value[0]), leaf.value[1]) for shape in shapes for leaf in dag.slots(shape)}
     return [dag.substitute(shape, new) for shape in shapes], slots[:, columns]
 
 
@@ -131,18 +129,17 @@ def _report_continuous(flat: FlatDAE, group: Group, report: Report) -> None:
     )
 
 
-def _start(flat: FlatDAE, drafts: Drafts) -> tuple[tuple[Assigned, ...], tuple[Group, ...]]:
+def _start(flat: FlatDAE, drafts: Drafts, work: Extraction) -> tuple[tuple[Assigned, ...], tuple[Group, ...]]:
     """The initial equations that determine discrete variables, and the others.
 
     One with continuous variables determines a discrete one that stands alone on a side, and that nothing else says
-    anything of: no start value, for ``pre(v)`` no fixed one, and no equation between discrete variables. Rates are no
-    variables that discrete equations read.
+    anything of: no start value, for ``pre(v)`` no fixed one, and no equation between discrete variables. Rates get
+    variables of their own, which discrete equations can read.
     """
     kinds = [{int(k) for k in flat.kind[g.slots[0]]} if g.rows else set() for g in flat.initial_groups]
     rates = [any(s.value[1] > 0 for side in (g.left, g.right) for s in dag.slots(side)) for g in flat.initial_groups]
-    discrete = [Kind.DISCRETE in k and not r for k, r in zip(kinds, rates, strict=True)]
-    mixed = [d and Kind.UNKNOWN in k for k, d in zip(kinds, discrete, strict=True)]
-    start = [d and Kind.UNKNOWN not in k for k, d in zip(kinds, discrete, strict=True)]
+    mixed = [Kind.DISCRETE in k and (Kind.UNKNOWN in k or r) for k, r in zip(kinds, rates, strict=True)]
+    start = [Kind.DISCRETE in k and not m for k, m in zip(kinds, mixed, strict=True)]
     if any(mixed):
         own = [g for g, is_own in zip(flat.initial_groups, start, strict=True) if is_own]
         open_ = _undetermined(flat, drafts, own)
@@ -150,7 +147,13 @@ def _start(flat: FlatDAE, drafts: Drafts) -> tuple[tuple[Assigned, ...], tuple[G
             start[k] |= mixed[k] and any(open_[column].all() for column in _alone(g))
     assigned = (g for g, is_own in zip(flat.initial_groups, start, strict=True) if is_own)
     others = (g for g, is_own in zip(flat.initial_groups, start, strict=True) if not is_own)
-    return tuple(Assigned(g.left, g.right, g.slots, g.span, g.part, False) for g in assigned), tuple(others)
+    return tuple(_without_rates(g, work) for g in assigned), tuple(others)
+
+
+def _without_rates(g: Group, work: Extraction) -> Assigned:
+    """An initial equation of a discrete variable as one that is carried out."""
+    (left, right), slots = work.without((g.left, g.right), g.slots, g.span, g.part, jets=False)
+    return Assigned(left, right, slots, g.span, g.part, False)
 
 
 def _undetermined(flat: FlatDAE, drafts: Drafts, own: list[Group]) -> np.ndarray:

@@ -155,7 +155,7 @@ class Algorithm:
         condition, message = (self.context.value(given[name]) for name in ("condition", "message"))
         if condition.type != "Boolean" or condition.dims:
             raise Wrong("E0301", "a condition must be true or false", given["condition"].span, found=condition.type)
-        if not condition.expr.is_const:
+        if not condition.expr.is_const or (self.context.open_ifs and not condition.expr.value):
             self.context.model.say_once("W0229", "this assertion is not checked while it runs", s.span,
                                         hint="write it in the model that calls the function",
                                         subject=Subject.WRITING)  # fmt: skip
@@ -310,14 +310,18 @@ class Algorithm:
         before = dict(self.values)
         results = []
         left: set[str] = set()
+        decided = int(changes(self.context, condition))  # by the run
         for body, holds in ((then, True), (otherwise, False)):
             self.values.clear()
             self.values.update(before)
+            self.context.open_ifs += decided
             try:
                 self._in_branch(condition, holds, body)
             except _Leave as leave:
                 mark = _RETURNED if isinstance(leave, _Return) else _BROKEN
                 self.values[mark] = number(True, "Boolean")
+            finally:
+                self.context.open_ifs -= decided
             results.append(dict(self.values))
             left |= {mark for mark in (_RETURNED, _BROKEN) if mark in self.values}
         for result in results:

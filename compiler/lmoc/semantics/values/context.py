@@ -98,13 +98,14 @@ class Context:
     in_when : it appears in the body of a `when`
     choices : branches that these rows take, by the identity of the if-expression
     depth : of function calls
+    open_ifs : how many statements stand around that only the run decides to reach
     end : what `end` means in the subscript being read
     assigned : those of the names that stand for what an algorithm has assigned so far
     """
 
     __slots__ = (
         "model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "marked", "in_when", "choices",
-        "depth", "end", "assigned",
+        "depth", "open_ifs", "end", "assigned",
     )  # fmt: skip
 
     def __init__(
@@ -128,7 +129,7 @@ class Context:
         self.marked = 0
         self.in_when = False
         self.choices: dict[int, int] = {}
-        self.depth = 0
+        self.depth = self.open_ifs = 0
         self.end: int | None = None
         self.assigned: frozenset[str] = frozenset()
 
@@ -140,7 +141,7 @@ class Context:
         """The same place with another space and further names."""
         inner = Context(self.model, self.node, self.scope, space, self.leaves, {**self.names, **names}, self.quiet)
         inner.depth, inner.choices, inner.in_when, inner.marked = self.depth, self.choices, self.in_when, self.marked
-        inner.assigned = self.assigned
+        inner.assigned, inner.open_ifs = self.assigned, self.open_ifs
         return inner
 
     @property
@@ -151,12 +152,13 @@ class Context:
         kept = {name: value for name, value in self.names.items() if name not in self.assigned}
         inner = Context(self.model, self.node, self.scope, self.space, self.leaves, kept, self.quiet)
         inner.depth, inner.choices, inner.in_when, inner.marked = self.depth, self.choices, self.in_when, self.marked
+        inner.open_ifs = self.open_ifs
         return inner
 
     def inside_function(self, scope: Scope, names: dict[str, Value]) -> Context:
         """The body of a function: it sees its own names only."""
         inner = Context(self.model, None, scope, self.space, self.leaves, names, self.quiet)
-        inner.depth, inner.marked = self.depth, self.marked
+        inner.depth, inner.marked, inner.open_ifs = self.depth, self.marked, self.open_ifs
         return inner
 
     # ------------------------------------------------------------ known when compiling
