@@ -182,3 +182,11 @@ def test_output_between_steps_that_stability_limits_is_as_good_as_the_steps() ->
     exact = dae.simulate(stop=10, points=301, solver="cvode", rtol=1e-11, atol=1e-13)
     run = dae.simulate(stop=10, points=301, solver="dop853", rtol=1e-6)
     assert max(np.max(np.abs(run[name] - exact[name])) for name in dae.states) < 1e-5
+
+
+def test_a_state_next_to_zero_that_begins_to_move_fast() -> None:
+    """Its size asks for a first step of 1e-29 s, which is none at 0.1 s: the run stopped there."""
+    text = """model M Real z(start = 1, fixed = true), x(start = 0, fixed = true), v(start = 0, fixed = true);
+        equation der(z) = -z; der(x) = v; der(v) = if time > 0.1 then 1e18 else 0; end M;"""
+    run = lmoc.compile_text(text).simulate(stop=1, solver="dop853")
+    assert run["x"][-1] == pytest.approx(0.5e18 * 0.9**2, rel=1e-6)

@@ -14,6 +14,7 @@ from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import default_signals
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.start.initial_equations import InitialEquations
+from lmoc.numerics.start.lexicographic import split
 from lmoc.structure.blocks.tangent import Tangent
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -330,3 +331,19 @@ def test_a_start_value_next_to_zero_is_kept():
     end Kept;"""
     run = lmoc.compile_text(text).simulate(times=[0.0])
     assert run["w"][0] == pytest.approx(1e-14, rel=1e-12) and run["q"][0] == pytest.approx(2 ** (1 / 3), rel=1e-12)
+
+
+def test_what_is_wanted_small_beside_a_large_value_is_no_rounding() -> None:
+    """It became zero without a word."""
+    text = """model M parameter Real c(fixed = false), e(fixed = false), large(fixed = false);
+        Real x(start = 1, fixed = true);
+        initial equation c*e = 3e-16; e = 1; large = 5e18; equation der(x) = c*large; end M;"""
+    assert lmoc.compile_text(text).simulate(stop=1)["x"][-1] == pytest.approx(1501, rel=1e-9)
+
+
+def test_large_values_leave_no_rounding_in_what_the_rows_determine() -> None:
+    rows, columns = (k.ravel() for k in np.indices((4, 4)))
+    matrix = np.array([[2.0, 1, 0, 1], [1, 3, 1, 0], [0, 1, 2, 1], [1, 0, 1, 3]])
+    jacobian, residual = (rows, columns, matrix.ravel()), np.array([1e-6, -2e-6, 0.0, 1e-6])
+    step = split(jacobian, np.zeros(4, int), 4).step(jacobian, residual, np.full(4, 1e9))
+    assert np.abs(matrix @ step + residual).max() < 1e-18

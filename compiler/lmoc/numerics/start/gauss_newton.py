@@ -20,7 +20,7 @@ _ITERATIONS = 40
 _HALVINGS = 8
 _MET = 1e-9  # of the size of the values: weighted fixed rows that count as met while steps are judged
 _MISSED_HARD, _MISSED_SOFT = 1e-7, 1e-6  # a fixed value, a start value counts as missed
-_ROUNDING = 1e-13  # of the sizes of the states: a residual that such changes of them make is met as well as it can be
+ROUNDING = 1e-13  # of the sizes of the states: a residual that such changes of them make is met as well as it can be
 _ROUGHLY = 1e-3  # of the size of a value: by more nothing is missed, however steep it is
 _CLEARLY = 1e-3  # by which share of what is missed another start must be better
 _UNCHANGED = 1e-9  # of the largest entry of a row: its gradient is the same everywhere
@@ -135,7 +135,7 @@ def _ended(system: StartSystem, x: np.ndarray) -> GaussNewtonResult:
 def rounding(jacobian: tuple[np.ndarray, np.ndarray, np.ndarray], x: np.ndarray, count: int) -> np.ndarray:
     """Return (count,) how much each residual changes where rounding changes the states."""
     rows, columns, values = jacobian
-    return np.bincount(rows, _ROUNDING * np.abs(values) * (1.0 + np.abs(x[columns])), minlength=count)
+    return np.bincount(rows, ROUNDING * np.abs(values) * (1.0 + np.abs(x[columns])), minlength=count)
 
 
 # --------------------------------------------------------------------- beginning again

@@ -180,8 +180,9 @@ def _lexicographic(levels: list[tuple[np.ndarray, np.ndarray]], x: np.ndarray) -
         rest = (residual + (matrix @ d[..., None])[..., 0]) / _sizes(matrix)
         d = d - (inverse @ rest[..., None])[..., 0]
         free = free - inverse @ inside
-    rest = (free @ (x + d)[..., None])[..., 0]
-    return d - rest
+    # twice: what rounding has left of a large state in directions that are not free would be missed by the rows
+    rest = free @ (free @ (x + d)[..., None])
+    return d - rest[..., 0]
 
 
 def _large(jacobian, residual, levels: list[np.ndarray], states: np.ndarray, count: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from lmoc.ir.reduced import StartGuess
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.numerics.start.assembly_notes import note_unmet_guesses
-from lmoc.numerics.start.gauss_newton import GaussNewtonResult, descend, elsewhere, rounding, straight_rows
+from lmoc.numerics.start.gauss_newton import ROUNDING, GaussNewtonResult, descend, elsewhere, straight_rows
 from lmoc.numerics.start.lexicographic import split
 from lmoc.numerics.start.plastic import PlasticImpact, plastic_impact
 from lmoc.numerics.start.singular import StartSingular
@@ -95,21 +95,24 @@ def solve(
 def _with_zeros(system: StartSystem, x: np.ndarray) -> np.ndarray:
     """The states with zeros for what rounding has left of them, as far as all that is wanted is met no worse.
 
-    A clutch at rest slips with 7e-15 rad/s otherwise, and a relation takes that for a motion.
+    A clutch at rest slips with 7e-15 rad/s otherwise, and a relation takes that for a motion. What is small because it
+    is wanted so, as the capacity of a capacitor beside the speed of light, stays.
     """
     small = np.flatnonzero((x != 0) & (np.abs(x) <= max(_LEFT_OVER * np.abs(x).max(initial=0.0), _NOTHING)))
     if not len(small) or len(small) > LOOKED_AT:
         return x
-    before, jacobian = system.evaluate(x)
-    left = rounding(jacobian, x, len(before))
-    read = np.bincount(jacobian[0][jacobian[2] != 0.0], minlength=len(before))
-    left[: len(system.targets)][(read == 1)[: len(system.targets)]] = 0.0  # values of states, to the last digits
-    allowed = np.abs(before) + _ULPS * np.finfo(float).eps * np.abs(system.value) + left
-    for own in (small, *small[:, None]):
+    before, (rows, columns, values) = system.evaluate(x)
+    allowed = np.abs(before) + _ULPS * np.finfo(float).eps * np.abs(system.value)
+    allowed += system.rounding(x, ROUNDING * np.abs(x))
+    read = values != 0.0
+    while len(small):
         other = x.copy()
-        other[own] = 0.0
-        if (np.abs(system.evaluate(other)[0]) <= allowed).all():
-            x = other
+        other[small] = 0.0
+        worse = ~(np.abs(system.evaluate(other)[0]) <= allowed)
+        if not worse.any():
+            return other
+        needed = np.isin(small, columns[worse[rows] & read])
+        small = small[~needed] if needed.any() else small[:0]
     return x
 
 

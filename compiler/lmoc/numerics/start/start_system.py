@@ -13,6 +13,7 @@ from lmoc.numerics.failures.diagnosis import sentence
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.numerics.solve.rounding import Rounding
 from lmoc.numerics.start.initial_equations import InitialEquations
 from lmoc.numerics.start.targets import Targets
 
@@ -100,6 +101,13 @@ class StartSystem:
         size = np.sqrt(np.bincount(rows, values**2, len(residual)))
         values = np.where((size <= ROUNDOFF * (1.0 + np.abs(self.value)))[rows], 0.0, values)
         return residual, (rows, columns, values)
+
+    def rounding(self, x: np.ndarray, off: np.ndarray) -> np.ndarray:
+        """By how much the residuals may be off, (m,), where the states at least are off by so much."""
+        w = self.w.copy()
+        w[self.plan.states] = x
+        found = Rounding(self.program, self.outputs, len(w))(w, self.time, (self.plan.states, off))
+        return np.where(np.isfinite(found), found, 0.0)
 
     # ---------------------------------------------------------------- names for messages
 

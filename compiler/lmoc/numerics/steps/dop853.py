@@ -23,6 +23,7 @@ PROPERTIES = Properties(
 )  # fmt: skip
 
 _LONG = 500  # components from which output is computed step by step: gathering costs memory and saves nothing
+_SHORTEST = 8e-16  # share of the time, up to which there is no step
 _OK = Status.OK  # attributes of an enumeration are slow to look up
 _KEPT = (  # between steps, the same in C as here
     "t", "before", "step_size", "length", "error", "stiffness", "grow", "stiff_count", "calm_count", "careful",
@@ -88,7 +89,7 @@ class Dop853(Integration):
             t_new = t + h
             if t + 1.001 * h >= end:  # the end is reached exactly
                 t_new, h = end, end - t
-            if not h > 8e-16 * abs(t_new) or h < RULES.least:  # so with a step that is no number
+            if not h > _SHORTEST * abs(t_new) or h < RULES.least:  # so with a step that is no number
                 self.step_size = h
                 return Status.NOT_FINITE if self.lost else Status.COLLAPSED
             self.length = h
@@ -210,6 +211,9 @@ def initial_step(problem: Problem, t: float, x: np.ndarray, f: np.ndarray) -> fl
     system, n, span, engine = problem.system, len(x), problem.end - t, library()
     atol, x, trial = np.ascontiguousarray(problem.atol), np.ascontiguousarray(x), np.empty(n)
     own = atol.ctypes.data, x.ctypes.data, f.ctypes.data
-    h = engine.lmoc_first_trial(n, span, problem.max_step, RULES.least, problem.rtol, *own)
+    least = max(
+        RULES.least, 2 * _SHORTEST * abs(t)
+    )  # states next to zero that begin to move fast ask for none by rounding
+    h = engine.lmoc_first_trial(n, span, problem.max_step, least, problem.rtol, *own)
     system.rhs(t + h, x + h * f, trial)
     return float(engine.lmoc_first_step(n, h, span, problem.rtol, *own, trial.ctypes.data))
