@@ -254,6 +254,7 @@ def _slopes_at_start(
     request: Request, run: Run, directions: Sequence[Direction], x: np.ndarray
 ) -> list[np.ndarray | None]:
     """Return the derivatives (n + registers,) of a start by each direction; None where it has to be started anew."""
+    from lmoc.numerics.run.discrete_start import discrete_slopes
     from lmoc.numerics.run.sensitivities import base_derivatives, slope, starts_smoothly
     from lmoc.numerics.start.start_slopes import start_slopes
     from lmoc.numerics.start.targets import own_starts
@@ -263,11 +264,14 @@ def _slopes_at_start(
     found: list[np.ndarray | None] = [None] * len(directions)
     if isinstance(initial, str) or hasattr(initial, "time") or starts.in_symbols(initial):
         return found
-    if not starts_smoothly(run.trajectory, x):
+    held = discrete_slopes(run.trajectory, directions, request.occasions or ())
+    if held is None or not starts_smoothly(run.trajectory, x):
         return found
     segment = run.trajectory.segments[0]
     observer, flat = segment.observer, segment.observer.flat
     base = base_derivatives(observer, directions)
+    if flat.events is not None:
+        base[:, observer.plan.reduced.register_of[flat.events.discrete]] = held
     given = np.concatenate([np.zeros(0, int), *(flat.find(name) for name in initial)])
     own = [k for k, direction in enumerate(directions) if direction.is_parameter]
     groups = [(own, initial), *(([k], {**initial, d.name: d.value}) for k, d in enumerate(directions) if k not in own)]

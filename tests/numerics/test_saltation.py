@@ -175,6 +175,20 @@ def test_a_pendulum_changes_its_coordinates_between_events():
     assert run.sensitivity("x", "g") == pytest.approx(run["vx"] * run.time / (2 * 9.81), abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("start", "initial", "then"),
+    [("u(start = p, fixed = true)", "", "u = pre(u);"), ("u", "when initial() then u = 2*p - 1; end when;", "")],
+)
+def test_discrete_values_at_the_start(start, initial, then):
+    """x = e^{-ut}, and 2 p e^{-ut} behind x = 1/2, with u = p, or 2 p - 1, which are the same number for p = 1."""
+    text = f"model A parameter Real p = 1; Real x(start = 1, fixed = true); discrete Real {start};"
+    text += f"equation der(x) = -u*x; {initial} when x < 0.5 then reinit(x, p); {then} end when; end A;"
+    run = lmoc.compile_text(text).simulate(stop=1, points=11, rtol=1e-9, sensitivities="p")
+    t, own, late = run.time, 2.0 if initial else 1.0, run.time > np.log(2)
+    truth = np.exp(-t) * np.where(late, 2 * (1 - own * t), -own * t)
+    assert run.sensitivity("x", "p") == pytest.approx(truth, abs=1e-7)
+
+
 TWO = """
 model Two "balls on one floor"
   parameter Real e = 0.8, h = 1, low = 1;

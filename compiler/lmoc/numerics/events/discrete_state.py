@@ -294,6 +294,19 @@ class DiscreteState:
         """Carry out the discrete equations in their order."""
         self._instant.call("lmoc_assign")
 
+    def assigned(self, values: np.ndarray) -> np.ndarray:
+        """Return what the discrete equations make of values (flat.count,) that have been and are, (discrete,).
+
+        Relations are among the values.
+        """
+        known = np.isfinite(values)
+        self.v[known] = values[known]
+        self.remember()
+        self.supposing(np.concatenate([np.zeros(0, int), *(r.target for r in self.layout.events.relations)]))
+        self.assign()
+        self.supposing(None)
+        return self.v[self.layout.events.discrete].copy()
+
     def suppose(self, register_of: np.ndarray, w: np.ndarray) -> None:
         """Take the relations as they are elsewhere, and what follows from them.
 

@@ -19,6 +19,7 @@ from lmoc.messages.diagnostics import ModelError
 from lmoc.numerics.events.discrete_state import near_to
 from lmoc.numerics.events.occasion import Behind, Occasion, behind
 from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.run.sensitivities import (
@@ -122,10 +123,10 @@ def _in_other_coordinates(
 
     def states(observer: Observer, x: np.ndarray) -> np.ndarray:
         reduced = observer.plan.reduced
-        registers = [observer.derivative(v, n) if n else int(reduced.register_of[v]) for v, n in jets]
-        if min(registers) < 0:
+        registers = np.array([observer.derivative(v, n) if n else reduced.register_of[v] for v, n in jets])
+        if registers.min(initial=0) < 0:
             raise refused(f"the coordinates change at t = {at.time:.6g} s to some that are no variables")
-        return np.array([observer.register(r, places, x[None])[0] for r in registers])
+        return observer.followed(slice_of(observer.plan, registers))(places, x[None])[0]
 
     def derivative(which: int, direction: Direction) -> np.ndarray:
         moved = np.max(np.abs(at.by[which]) / sizes, initial=0.0)

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.tangent_system import TangentSystem
 from lmoc.numerics.failures.chatter import jumps
@@ -141,6 +141,15 @@ def slope(function: Callable[[np.ndarray], np.ndarray], direction: Direction) ->
     raise refused(f"what follows from '{direction.name}' alone is not smooth there")
 
 
+def slopes(function: Callable[[np.ndarray], np.ndarray], directions: Sequence[Direction]) -> np.ndarray:
+    """Return the derivatives (m, k) by several directions, as `slope`."""
+    found = function(np.concatenate([direction.around for direction in directions], axis=1))
+    parts = np.split(found, len(directions), axis=1)
+    known = [own if np.isfinite(own[np.isfinite(own[:, 0])]).all() else None for own in parts]
+    own = zip(directions, known, strict=True)
+    return np.stack([slope(function, d) if part is None else slope(lambda _, p=part: p, d) for d, part in own])
+
+
 def changed_values(
     flat: FlatDAE, held: Mapping[int, float], variable: int, count: int, changes: np.ndarray
 ) -> np.ndarray:
@@ -183,9 +192,6 @@ def starts_smoothly(trajectory: Trajectory, x: np.ndarray) -> bool:
     """
     segment, begun = trajectory.segments[0], trajectory.begun
     if any(s.begin == segment.begin for s in trajectory.segments[1:]):
-        return False
-    held = (b for b in trajectory.flat.blocks if b.kind == Kind.DISCRETE and b.size)
-    if any(b.quantity == "Real" for b in held):  # with values of their own, which parameters may change
         return False
     if any(event.time <= segment.begin for event in trajectory.events):
         return False
@@ -280,7 +286,7 @@ def base_derivatives(observer: Observer, directions: Sequence[Direction]) -> np.
     def base(values: np.ndarray) -> np.ndarray:
         return bases(observer.plan, values, observer.signals, {}).T
 
-    return np.stack([slope(base, direction) for direction in directions])
+    return slopes(base, directions)
 
 
 class Sweep:
