@@ -235,8 +235,10 @@ def _objects(compiler: _Compiler, fmi: int) -> dict[str, bytes]:
     key = hashlib.sha256(made_from).digest()
     name = f"fmu-{key.hex()[:16]}"
     kept = cache.read(name, key)
+    found: dict[str, bytes]
     if kept is not None:
-        return pickle.loads(kept)
+        found = pickle.loads(kept)
+        return found
     found = _compiled(compiler, sources)
     cache.write(name, key, pickle.dumps(found))
     cache.prune("fmu-", most=8)  # two versions of FMI for several systems
