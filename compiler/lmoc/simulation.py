@@ -232,22 +232,40 @@ def _first(session: Session, request: Request, run: Run, directions: Sequence[Di
     Those of the states follow from the equations of the start where these determine them and nothing happens there;
     else they are differences of starts.
     """
-    from lmoc.numerics.run.sensitivities import STEP, Tangent, difference
+    from lmoc.numerics.run.sensitivities import STEP, Tangent, difference, mode_registers
 
     segment = run.trajectory.segments[0]
     count = len(segment.observer.plan.states)
     x = _start_of(session, request, segment)[:count]
     own = _slopes_at_start(request, run, directions, x)
 
+    def start(direction: Direction, change: float) -> np.ndarray:
+        given = {} if direction.is_parameter else {direction.name: direction.value + change}
+        return _start_states(session, request, segment, direction.parameters(change), given)
+
     def by_starts(direction: Direction) -> np.ndarray:
-        def start(change: float) -> np.ndarray:
-            given = {} if direction.is_parameter else {direction.name: direction.value + change}
-            return _start_states(session, request, segment, direction.parameters(change), given)
+        return difference(lambda change: start(direction, change), STEP * direction.size)
 
-        return difference(start, STEP * direction.size)
-
+    modes = count + mode_registers(segment.observer.plan)
+    if len(modes):
+        taken = _start_states(session, request, segment, {}, {})[modes]
+        for direction in directions:
+            _check_modes(direction, taken, lambda change, own=direction: start(own, change)[modes])
     table = np.stack([by_starts(d) if known is None else known for d, known in zip(directions, own, strict=True)])
     return Tangent(segment.begin, x, table[:, :count], np.nan_to_num(table[:, count:]))
+
+
+def _check_modes(direction: Direction, taken: np.ndarray, modes: Callable[[float], np.ndarray]) -> None:
+    """Refuse a start at which a mode is on its edge: friction that sticks there, and slips beside it."""
+    from lmoc.numerics.run.sensitivities import STEP, refused
+
+    for change in (STEP * direction.size, -STEP * direction.size):
+        try:
+            beside = modes(change)
+        except ModelError:
+            continue  # the value stands at its bound
+        if not np.array_equal(beside, taken, equal_nan=True):
+            raise refused(f"with another value of '{direction.name}' the start has another mode: it is on its edge")
 
 
 def _slopes_at_start(

@@ -292,3 +292,23 @@ def test_from_the_command_line(capsys, tmp_path):
     found = json.loads(capsys.readouterr().out)["sensitivities"]
     assert found["y"]["e"] == pytest.approx(truth, rel=1e-5)
     assert main(["run", file, "--sensitivity", "e", "--set", "e=0.5:0.1:0.7"]) == 2
+
+
+def test_a_start_on_the_edge_of_sticking_is_refused():
+    """The mass moves with the belt: on a belt that is faster or slower, it slips at first."""
+    dae = lmoc.compile_text("""model Edge
+  parameter Real vb = 0.2;
+  Motion belt(q = vb*time);
+  DryFriction friction(F = 2, Fstick = 4);
+  Spring spring(k = 50);
+  Mass mass(m = 1, v(start = 0.2, fixed = true));
+  Fixed wall;
+equation
+  connect(belt.flange, friction.a);
+  connect(friction.b, mass.flange);
+  connect(wall.flange, spring.a);
+  connect(spring.b, mass.flange);
+end Edge;""")
+    with pytest.raises(lmoc.ModelError, match="on its edge"):
+        dae.simulate(stop=0.3, points=4, sensitivities=("vb",))
+    assert dae.simulate(stop=0.3, points=4, sensitivities=("spring.k",)).time[-1] == 0.3

@@ -330,7 +330,11 @@ class Saltation:
         n, sizes = len(self._reached.x), self._around.sizes
         own = np.max(np.abs(slope[1 : 1 + n]) / sizes, initial=0.0) * sizes
         good = bent[1 : 1 + n] <= _BENT * own + _NOISE * sizes / step
-        return slope if good.all() else None
+        # what is held from then on: a wave sampled late bends within a step, |x| has two slopes where it is zero
+        held, size = slice(1 + n, None), self._around.directions[which].size
+        worth = np.abs(middle[held])
+        kept = bent[held] <= _BENT * np.maximum(np.abs(slope[held]), worth / size) + _NOISE * worth / step
+        return slope if good.all() and kept.all() else None
 
     def _repeated(self, which: int, change: float) -> np.ndarray | None:
         """Return (1 + n + registers,) when it happens with a quantity changed, and what follows.

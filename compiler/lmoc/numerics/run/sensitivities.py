@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
+from lmoc.ir.law import NONE
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.tangent_system import TangentSystem
 from lmoc.numerics.failures.chatter import jumps
@@ -23,6 +24,7 @@ from lmoc.numerics.observe.solutions import Solutions
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 from lmoc.numerics.options.options import MOREAU
 from lmoc.numerics.plan import kinks
+from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Problem
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import break_times
@@ -106,6 +108,15 @@ def difference(function: Callable[[float], np.ndarray], step: float) -> np.ndarr
         return sum(weight * function(k * step) for k, weight in _CENTRAL) / step  # type: ignore[return-value]
     except ModelError:
         return sum(weight * function(k * step) for k, weight in _AHEAD) / step  # type: ignore[return-value]
+
+
+def mode_registers(plan: Plan) -> np.ndarray:
+    """Return the registers that say in which mode each law is; none without laws."""
+    form = plan.reduced.switched
+    if form is None:
+        return np.zeros(0, int)
+    found = plan.reduced.register_of[np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])]
+    return found[found >= 0]
 
 
 def refused(reason: str, hint: str = "") -> ModelError:
