@@ -16,7 +16,6 @@ from lmoc.export.refusals import refusal
 from lmoc.export.variables import Variable, listed
 from lmoc.expression.dag import ONE, depends_on_time, slot
 from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.law import NONE
 from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, read, written
 from lmoc.ir.reduced import Reduced
 from lmoc.lower.blocks import derivatives_tape, values_tape
@@ -192,8 +191,7 @@ def _inputs(plan: Plan) -> np.ndarray:
     register, variable, _ = plan.reduced.inputs
     own, form = register[plan.reduced.flat.kind[variable] == Kind.DISCRETE], plan.reduced.switched
     if form is not None:
-        modes = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
-        own = np.concatenate([own, register[np.isin(variable, modes)], plan.held])
+        own = np.concatenate([own, register[np.isin(variable, form.modes)], plan.held])
     found = np.array([r for r, _ in plan.constants], int)
     return found[~np.isin(found, own)]
 

@@ -120,6 +120,11 @@ class Switched:
     def count(self) -> int:
         return len(self.force)
 
+    @property
+    def modes(self) -> np.ndarray:
+        """Variables that say in which mode each law is."""
+        return np.concatenate([self.closed, self.push, self.direction[self.direction != NONE]])
+
 
 def law_count(laws: tuple[Laws, ...]) -> int:
     """Number of laws in several groups."""

@@ -51,7 +51,7 @@ def _update_of(plan: Plan, signals: Mapping[int, Signal]) -> ModeFunctions | Non
     form = plan.reduced.switched
     if form is None or plan.reduced.free is None or form.count > MOST_LAWS or (form.degree == JENKINS).any():
         return None
-    held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
+    held = form.modes
     constant = {variable for _, variable in plan.constants}
     if not constant.issuperset(held.tolist()) or any(laws.normal is not None for laws in form.laws):
         return None  # forces that time stepping fills, friction whose limit is another force

@@ -267,7 +267,7 @@ def _free_plan(plan: Plan, signals: Mapping[int, Signal]) -> Plan:
 
 def _signals_of(form: Switched, shared: int, signals: Mapping[int, Signal]) -> dict[int, Signal]:
     """Return the signals of the variables that two forms share, and zero for what holds a mode."""
-    held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
+    held = form.modes
     return {v: s for v, s in signals.items() if v < shared} | {int(v): Constant(0.0) for v in held}
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.law import JENKINS, NONE, Switched
+from lmoc.ir.law import JENKINS, Switched
 from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
@@ -321,7 +321,7 @@ class LawSwitching:
 
 def all_open(form: Switched) -> dict[int, Signal]:
     """Return the values with which all laws are open and give no force, by flat variables."""
-    held = np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])
+    held = form.modes
     return {int(v): Constant(0.0) for v in held}
 
 

@@ -168,7 +168,7 @@ class Surroundings:
         if memory.laws is not None:
             form = reduced.switched
             self._push = reduced.register_of[form.push]
-            held = np.concatenate([form.closed, form.push, form.direction[form.direction >= 0]])
+            held = form.modes
             self._held = reduced.register_of[held]
 
     def recall(self, which: int = 0, change: float = 0.0, base: np.ndarray | None = None) -> None:

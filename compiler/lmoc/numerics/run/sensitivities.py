@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE
-from lmoc.ir.law import NONE
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.tangent_system import TangentSystem
 from lmoc.numerics.failures.chatter import jumps
@@ -115,7 +114,7 @@ def mode_registers(plan: Plan) -> np.ndarray:
     form = plan.reduced.switched
     if form is None:
         return np.zeros(0, int)
-    found = plan.reduced.register_of[np.concatenate([form.closed, form.push, form.direction[form.direction != NONE]])]
+    found = plan.reduced.register_of[form.modes]
     return found[found >= 0]
 
 
