@@ -129,6 +129,41 @@ def test_discrete_variables_and_reinit():
     assert not run.sensitivity("y", "p")[run.time < 0.64].any()
 
 
+THERMOSTAT = """
+model Thermostat "what switches off is below its threshold again at once"
+  parameter Real lo = 18, hi = 22, P = 30, tau = 1.5, x0 = 10;
+  output Real x(start = x0, fixed = true);
+  discrete Boolean on(start = true, fixed = true);
+equation
+  on = {};
+  tau*der(x) = (if on then P else 10) - x;
+end Thermostat;
+"""
+
+
+@pytest.mark.parametrize(
+    "rule", ["if x > hi then false else if x < lo then true else pre(on)", "pre(on) and not x > hi or x < lo"]
+)
+def test_a_thermostat(rule):
+    """Pieces of exponentials towards P and 10, between lo and hi."""
+    values = {"lo": 18.0, "hi": 22.0, "P": 30.0, "tau": 1.5, "x0": 10.0}
+    run = lmoc.compile_text(THERMOSTAT.format(rule)).simulate(stop=4, points=14, rtol=1e-8, sensitivities=values)
+    assert [event.name for event in run.events] == ["on"] * 5
+
+    def temperature(lo, hi, P, tau, x0):
+        found, at, x, ends = np.zeros(14), 0.0, x0, [(P, hi), (10.0, lo)] * 4
+        for goal, threshold in ends:
+            since = run.time - at
+            found = np.where(since >= 0, goal + (x - goal) * np.exp(-since / tau), found)
+            at, x = at + tau * np.log((goal - x) / (goal - threshold)), threshold
+        return found
+
+    assert run["x"] == pytest.approx(temperature(**values), rel=1e-7)
+    for name in values:
+        truth = _differences(temperature, values, name)
+        assert np.abs(run.sensitivity("x", name) - truth).max() < 1e-6 * np.abs(truth).max()
+
+
 TIMED = """
 model Timed "what happens at times that are parameters"
   parameter Real t0 = 0.4, k = 3, T = 0.35;

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lmoc.messages.diagnostics import ModelError
-from lmoc.numerics.events.discrete_state import near_to
+from lmoc.numerics.events.discrete_state import located, near_to
 from lmoc.numerics.events.occasion import Behind, Occasion, behind
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import slice_of
@@ -84,9 +84,16 @@ def with_events(
     for k, segment in enumerate(segments):
         sizes = sizes_of([s for s in segments if s.coordinates == segment.coordinates])
         sweep = Sweep(segment.observer, directions, at.base, sizes, rtol, explicit, made)
-        if saltation is not None:
-            at = replace(at, by=at.by - np.outer(saltation.delays, sweep.rates(at.time, at.x)))
         following, occasion = segments[k + 1] if k + 1 < len(segments) else None, by_segment.get(k)
+        moving, came = at, saltation
+        if came is not None:
+            at = replace(at, by=at.by - np.outer(came.delays, sweep.rates(at.time, at.x)))
+            if _follows_at_once(occasion, at.time, segments[0].begin):
+                parts.append(Part(segment, np.repeat(at.by[:, None], len(segment.time), axis=1), at.base, sizes))
+                around = Surroundings(occasion, directions, sizes, came.since)
+                saltation = Saltation(around, sweep, replace(moving, x=occasion.outcome.x), came.delays)
+                at = saltation.behind
+                continue
         end = following.begin if following is not None else max(at.time, trajectory.last[0])
         grid = np.linspace(at.time, end, _places(each * (end - at.time)))[1:] if occasion is not None else [end]
         times, own = np.unique(np.concatenate([segment.time, grid]), return_inverse=True)
@@ -107,6 +114,16 @@ def with_events(
             place = _in_other_coordinates(segment, following, place, directions)
         at = place
     return Sensitivities(directions, parts)
+
+
+def _follows_at_once(occasion: Occasion | None, time: float, start: float) -> bool:
+    """Return whether an instant is the one before it, but for rounding, and the run goes on behind it.
+
+    A condition that an event has made true may be false again as soon as the motion turns back there.
+    """
+    if occasion is None or occasion.behind is None:
+        return False
+    return occasion.outcome.time - time <= located(time, start)
 
 
 def _places(steps: float) -> int:
@@ -153,14 +170,14 @@ class Surroundings:
     ----------
     occasion, directions : as given
     sizes : (n,) of the states
-    room : s, since the instant before
+    since, room : s, the instant before, and the time since then
     """
 
     def __init__(self, occasion: Occasion, directions: Sequence[Direction], sizes: np.ndarray, since: float) -> None:
         self.occasion, self.directions, self.sizes = occasion, directions, sizes
         self.dynamics, memory, reduced = occasion.dynamics, occasion.memory, occasion.memory.plan.reduced
         self.time = occasion.outcome.time
-        self._since = (since + self.time) / 2
+        self.since, self._between = since, (since + self.time) / 2
         self.room = self.time - since
         self._discrete, self._push, self._held = (np.zeros(0, int) for _ in range(3))
         if reduced.flat.events is not None:
@@ -185,7 +202,7 @@ class Surroundings:
         values = memory.values
         if change and self.directions[which].is_parameter:
             values = values + change * self.directions[which].rates
-        self.dynamics.recall(memory, values, memory.open + own, push, discrete, self._since)
+        self.dynamics.recall(memory, values, memory.open + own, push, discrete, self._between)
 
     # ------------------------------------------------------------------ what comes near
 
@@ -261,10 +278,19 @@ class Saltation:
     behind : the place behind it; its states are moved at an instant that moves along, so that the rates there times
         `delays` are to be subtracted
     delays : (m,) the derivatives of the instant
+    since : s, when the instant before was that is no part of this one
     """
 
-    def __init__(self, around: Surroundings, sweep: Sweep, at: Tangent) -> None:
-        self._around, self._at, self._occasion = around, at, around.occasion
+    def __init__(self, around: Surroundings, sweep: Sweep, at: Tangent, along: np.ndarray | None = None) -> None:
+        """
+        Parameters
+        ----------
+        at : where it happens
+        along : (m,) the derivatives of the instant, where it is the one before it but for rounding: then `at` is moved
+            along with it, as `behind`
+        """
+        self._around, self._at, self._occasion, self._along = around, at, around.occasion, along
+        self.since = around.since
         t, x, roots = at.time, at.x, around.occasion.outcome.roots
         self._f = sweep.rates(t, x)
         short = _SHORT * around.room or _SHORT * max(abs(t), 1.0)
@@ -347,7 +373,7 @@ class Saltation:
         later = self._delay(which, change, x)
         if later is None:
             return None
-        place = self._on(np.array([later]), x)[0]
+        place = self._moved(later, x)[0]
         outcome = replace(self._occasion.outcome, time=at.time + later, x=place)
         try:
             found = dynamics.after(outcome, self._occasion.unresolved, self._occasion.errors)
@@ -366,7 +392,9 @@ class Saltation:
         """Return how much later it happens, s, from the states where it was; None where other things happen."""
         at, dynamics = self._at, self._around.dynamics
         known, clock = None, self._occasion.memory.next
-        if dynamics.stepping.instant(at.time) is not None:
+        if self._along is not None:
+            known = change * float(self._along[which])
+        elif dynamics.stepping.instant(at.time) is not None:
             known = 0.0
         elif dynamics.handler is not None and abs(clock - at.time) <= near_to(at.time):
             known = dynamics.handler.next - at.time
@@ -399,4 +427,8 @@ class Saltation:
     def _missing(self, values: Heights, x: np.ndarray, later: float) -> np.ndarray:
         """Return by how much functions miss what they were at the instant, so much later."""
         own = np.array([later])
-        return values(self._at.time + own, self._on(own, x))[0, self._roots] - self._zero
+        return values(self._at.time + own, self._moved(later, x))[0, self._roots] - self._zero
+
+    def _moved(self, later: float, x: np.ndarray) -> np.ndarray:
+        """Return the states (1, n) so much later; those that are moved along with the instant are there."""
+        return self._on(np.array([later]), x) if self._along is None else x[None]
