@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lmoc import simulation
 from lmoc.dae import CompiledDAE, suspicion
 from lmoc.messages.budgeted import budgeted
 from lmoc.parameters import Value
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from lmoc.studies.economy import Economy
     from lmoc.studies.ensemble import Ensemble
     from lmoc.studies.fit import Fit
+    from lmoc.studies.misses import Differentiate
     from lmoc.studies.sweep import Sweep
     from lmoc.symbolic.places import Point
     from lmoc.view.drawing import Drawing
@@ -170,8 +172,10 @@ class DAE(CompiledDAE):
         SimulationError
             The run fails where the search begins.
         """
+        from lmoc.numerics.options.options import RunOptions
         from lmoc.studies.fit import fit, unknowns_of
         from lmoc.studies.measured import Experiment, check_variables, experiments_of
+        from lmoc.studies.misses import OF_FITS
 
         held = {"parameters": parameters or {}, "initial": initial or {}, "inputs": inputs or {}}
         unknowns = unknowns_of(free)
@@ -180,14 +184,19 @@ class DAE(CompiledDAE):
         check_variables(self.flat, measured)
         begin = (self.flat.experiment.start or 0.0) if start is None else start
 
-        def simulate(values: Mapping[str, float], experiment: Experiment) -> Run:
+        def simulate(values: Mapping[str, float], experiment: Experiment) -> tuple[Run, Differentiate]:
             own = experiment.settings
             given = {kind: {**held[kind], **(own.get(kind) or {})} for kind in held}
             given["parameters"] |= {name: value for name, value in values.items() if name not in moving}
             given["initial"] |= {name: value for name, value in values.items() if name in moving}
             booked = any(name.startswith("ledger.") for _, _, name in experiment.columns.values())
-            options = {"rtol": 1e-9 if rtol is None else rtol, "solver": solver, "energy": booked}
-            return self.simulate(own.get("start", begin), times=experiment.times, **given, **options)
+            options = RunOptions(
+                own.get("start", begin), times=experiment.times, rtol=1e-9 if rtol is None else rtol, solver=solver,
+                energy=booked,
+            )  # fmt: skip
+            request = Request(options, **given, compiled=self.timings, occasions=[])
+            run = simulation.simulate(self._session, request)
+            return run, lambda names: simulation.sensitivities(self._session, request, run, names, OF_FITS)
 
         return fit(simulate, measured, unknowns, sigma, starts, seed, profile)
 

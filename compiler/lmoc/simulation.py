@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from lmoc.run import Run
     from lmoc.symbolic.places import Point
 
+_SHARE = (5**0.5 - 1) / 2  # by which quantities are changed less and less
+
 
 @dataclass(frozen=True)
 class Request:
@@ -161,8 +163,14 @@ def _start_in_numbers(session: Session, request: Request) -> Mapping[str, float]
     )
 
 
-def sensitivities(session: Session, request: Request, run: Run, names: Sequence[str]) -> Sensitivities:
+def sensitivities(
+    session: Session, request: Request, run: Run, names: Sequence[str], rtol: float | None = None
+) -> Sensitivities:
     """Return the derivatives of a run by parameters and start values.
+
+    Parameters
+    ----------
+    rtol : relative tolerance; that of the run, where it is not coarser
 
     Raises
     ------
@@ -189,7 +197,8 @@ def sensitivities(session: Session, request: Request, run: Run, names: Sequence[
             raise refused(f"the reduction assumes a value of '{name}' that it may not leave")
     first = _first(session, request, run, directions)
     explicit = set(str(run.stats["solver"]).split(", ")) <= EXPLICIT
-    return with_events(run.trajectory, first, directions, explicit, request.occasions or ())
+    tolerance = max(float(run.stats["rtol"]), rtol or 0.0)
+    return with_events(run.trajectory, first, directions, explicit, request.occasions or (), tolerance)
 
 
 def _direction(session: Session, request: Request, prepared: Prepared, segment: SegmentRecord, name: str) -> Direction:
@@ -207,8 +216,10 @@ def _direction(session: Session, request: Request, prepared: Prepared, segment: 
     if flat.kind[variable] == Kind.PARAMETER:
         value = float(values[variable])
         held = indexed(flat, {**flat.overrides, **(request.parameters or {}), name: value})
-        if block.structural or block.quantity in ("Integer", "Boolean", "String"):
+        if block.quantity in ("Integer", "Boolean", "String"):
             raise refused(f"'{name}' is no number that changes continuously")
+        if block.structural:
+            raise refused(f"'{name}' shapes the model: what is compiled depends on it, as by 'if {name} > 0 then'")
         size = abs(value) or 1.0
         changed = partial(changed_values, flat, held, variable, prepared.reduced.flat.count)
         return Direction(name, value, size, changed, True)
@@ -239,33 +250,44 @@ def _first(session: Session, request: Request, run: Run, directions: Sequence[Di
     x = _start_of(session, request, segment)[:count]
     own = _slopes_at_start(request, run, directions, x)
 
-    def start(direction: Direction, change: float) -> np.ndarray:
-        given = {} if direction.is_parameter else {direction.name: direction.value + change}
-        return _start_states(session, request, segment, direction.parameters(change), given)
-
     def by_starts(direction: Direction) -> np.ndarray:
-        return difference(lambda change: start(direction, change), STEP * direction.size)
+        step = STEP * direction.size
+        return difference(lambda change: _start_of_changed(session, request, segment, {direction: change}), step)
 
     modes = count + mode_registers(segment.observer.plan)
     if len(modes):
-        taken = _start_states(session, request, segment, {}, {})[modes]
-        for direction in directions:
-            _check_modes(direction, taken, lambda change, own=direction: start(own, change)[modes])
+        again = any(s.begin == segment.begin for s in run.trajectory.segments[1:])
+        held = _start_states(session, request, segment, {}, {}) if again else np.append(x, segment.observer.base)
+        taken = held[modes]
+        _check_modes(directions, taken, lambda changes: _start_of_changed(session, request, segment, changes)[modes])
     table = np.stack([by_starts(d) if known is None else known for d, known in zip(directions, own, strict=True)])
     return Tangent(segment.begin, x, table[:, :count], np.nan_to_num(table[:, count:]))
 
 
-def _check_modes(direction: Direction, taken: np.ndarray, modes: Callable[[float], np.ndarray]) -> None:
-    """Refuse a start at which a mode is on its edge: friction that sticks there, and slips beside it."""
+def _check_modes(
+    directions: Sequence[Direction], taken: np.ndarray, modes: Callable[[Mapping[Direction, float]], np.ndarray]
+) -> None:
+    """Refuse a start at which a mode is on its edge: friction that sticks there, and slips beside it.
+
+    All quantities are changed at once, by shares that have no ratio at which two would make up for each other; one by
+    one where another mode comes of that, or nothing does: a value may stand at its bound.
+    """
     from lmoc.numerics.run.sensitivities import STEP, refused
 
-    for change in (STEP * direction.size, -STEP * direction.size):
+    def same(changes: Mapping[Direction, float]) -> bool | None:
         try:
-            beside = modes(change)
+            return np.array_equal(modes(changes), taken, equal_nan=True)
         except ModelError:
-            continue  # the value stands at its bound
-        if not np.array_equal(beside, taken, equal_nan=True):
-            raise refused(f"with another value of '{direction.name}' the start has another mode: it is on its edge")
+            return None
+
+    for sign in (1.0, -1.0):
+        steps = {d: sign * STEP * d.size for d in directions}
+        if len(steps) > 1 and same({d: s * _SHARE**k for k, (d, s) in enumerate(steps.items())}):
+            continue
+        for direction, step in steps.items():
+            if same({direction: step}) is False:
+                name = direction.name
+                raise refused(f"with another value of '{name}' the start has another mode: it is on its edge")
 
 
 def _slopes_at_start(
@@ -306,6 +328,15 @@ def _slopes_at_start(
         for j, k in enumerate(group if states is not None else ()):
             found[k] = np.concatenate([states[j], base[k]])
     return found
+
+
+def _start_of_changed(
+    session: Session, request: Request, segment: SegmentRecord, changes: Mapping[Direction, float]
+) -> np.ndarray:
+    """Return as `_start_states` where a run starts with some quantities changed."""
+    given = {d.name: d.value + change for d, change in changes.items() if not d.is_parameter}
+    parameters = {name: value for d, change in changes.items() for name, value in d.parameters(change).items()}
+    return _start_states(session, request, segment, parameters, given)
 
 
 def _start_states(

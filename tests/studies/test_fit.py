@@ -4,12 +4,14 @@ import json
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from scipy.optimize import brentq, minimize_scalar
 from scipy.stats import chi2, f
 
 import lmoc
 from lmoc.cli.main import main
 from lmoc.messages.diagnostics import ModelError
+from lmoc.studies.misses import Misses
 
 SWING = """
 model Swing
@@ -115,6 +117,52 @@ end Ball;
     heights = np.where(since < 0, 1 - g * times**2 / 2, e * g * fall * since - g * since**2 / 2)  # until it lands again
     found = ball.fit({"time": times, "h": heights}, {"e": (0.7, 0.1, 1)})
     assert found.values["e"] == pytest.approx(0.8, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("file", "column", "factors", "stop"),
+    [
+        ("notes/ex05_suspension", "q2", {"k1": 0.8, "k2": 1.2, "c2": 0.7}, 3),
+        ("laws/h19_bouncing_ball", "y", {"e": 0.97}, 1.5),
+        ("laws/h16_stick_slip", "mass.q", {"friction.F": 1.1}, 2),
+    ],
+)
+def test_tangents_lead_where_differences_lead_with_fewer_runs(file, column, factors, stop, monkeypatch):
+    dae, random = lmoc.compile(ROOT / f"models/{file}.lmo"), np.random.default_rng(3)
+    run = dae.simulate(stop=stop, points=31, rtol=1e-9, energy=False)
+    data = {"time": run.time, column: run[column] + 1e-3 * np.ptp(run[column]) * random.standard_normal(31)}
+    start = {name: float(dae.parameters[name]) * factor for name, factor in factors.items()}
+    tangents = dae.fit(data, start)
+    monkeypatch.setattr(Misses, "_tangents", lambda *_: {})
+    differences = dae.fit(data, start)
+    for name in start:
+        apart = tangents.values[name] - differences.values[name]
+        assert abs(apart) < 1e-3 * differences.deviations[name]
+        assert tangents.deviations[name] == pytest.approx(differences.deviations[name], rel=1e-4)
+        assert abs(tangents.values[name] - float(dae.parameters[name])) < 5 * tangents.deviations[name]
+    assert not tangents.differences and tangents.evaluations < differences.evaluations / 2
+
+
+def test_where_there_are_no_tangents_differences_are_taken_and_said():
+    """Whether it decays at all is asked when the scene is compiled: what is given for c shapes the model."""
+    dae = lmoc.compile_text("""
+model Decay
+  parameter Real c = 1;
+  output Real x(start = 1, fixed = true);
+  Real rate;
+equation
+  der(x) = -rate;
+  if c > 0 then
+    rate = c*x;
+  else
+    0 = rate;
+  end if;
+end Decay;
+""")
+    times = np.linspace(0, 2, 9)
+    found = dae.fit({"time": times, "x": np.exp(-1.3 * times)}, {"c": 1})
+    assert found.values["c"] == pytest.approx(1.3, rel=1e-6)
+    assert "shapes the model" in found.differences["c"] and "differences of runs" in str(found)
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         data = {"values": found.values, "deviations": found.deviations, "intervals": found.intervals,
                 "undetermined": found.undetermined, "sigma": found.sigma, "converged": found.converged,
-                "message": found.message,
+                "message": found.message, "differences": found.differences,
                 "profiles": {name: (own.low, own.high) for name, own in found.profiles.items()}}  # fmt: skip
         from lmoc.report.summary import plain
 

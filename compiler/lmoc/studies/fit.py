@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lmoc.messages.diagnostics import ModelError, SimulationError
 from lmoc.studies.measured import Experiment, refusal
+from lmoc.studies.misses import Misses, Simulate, Unknown
 from lmoc.studies.profile import Conditional, Place, Profile, profile_of
-from lmoc.support import budget
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
@@ -26,21 +25,9 @@ if TYPE_CHECKING:
     from lmoc.run import Run
 
 LEVEL = 0.95
-_STEP = 1e-4  # relative, of the central differences by which the last Jacobian is taken
 _UNDETERMINED = 1e-6  # of the largest singular value of the scaled Jacobian: below it nothing is said about a direction
 _SHARE = 0.1  # of a direction's largest weight, from which on a name belongs to it
 _FAR = 3.0  # factor within which further starts of an unknown without bounds lie
-Simulate = Callable[[Mapping[str, float], Experiment], "Run"]
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """What is looked for: where to begin, and the bounds."""
-
-    name: str
-    start: float
-    low: float = -np.inf
-    high: float = np.inf
 
 
 def unknowns_of(free: Mapping[str, object]) -> tuple[Unknown, ...]:
@@ -87,6 +74,7 @@ class Fit:
     message : why the search has ended
     evaluations : simulations
     converged : whether it has ended at a minimum
+    differences : {name: why its derivatives are differences of runs}; those by the others are tangents of the motion
     """
 
     values: Mapping[str, float]
@@ -103,6 +91,7 @@ class Fit:
     message: str
     evaluations: int
     converged: bool
+    differences: Mapping[str, str] = field(default_factory=dict)
     profiles: Mapping[str, Profile] = field(default_factory=dict)
 
     @property
@@ -152,6 +141,7 @@ class Fit:
             terms = ", ".join(f"{name} by {100 * weight:.3g} %" for name, weight in direction.items())
             lines.append(f"the data do not tell apart values that change together: {terms}")
         lines += [f"{column}: standard deviation {value:.3g}" for column, value in self.sigma.items()]
+        lines += [f"derivatives by {name} are differences of runs: {why}" for name, why in self.differences.items()]
         return "\n".join([*lines, f"{self.evaluations} runs: {self.message}"])
 
     def _repr_html_(self) -> str:
@@ -159,67 +149,6 @@ class Fit:
         from html import escape
 
         return f"<pre>{escape(str(self))}</pre>"
-
-
-class _Misses:
-    """The residuals (fit − data)/scale of all experiments, one behind the other, and their derivatives."""
-
-    def __init__(
-        self, simulate: Simulate, experiments: Sequence[Experiment], unknowns: Sequence[Unknown],
-        scales: Mapping[str, float],
-    ) -> None:  # fmt: skip
-        self.simulate, self.experiments, self.unknowns, self.scales = simulate, experiments, unknowns, scales
-        self.names = [u.name for u in unknowns]
-        self.count = 0
-        self.size = sum(len(t) for e in experiments for t, _, _ in e.columns.values())
-        self.refused: Exception | None = None
-
-    def runs(self, x: np.ndarray) -> list[Run]:
-        """Return the runs of the experiments with these values."""
-        found = []
-        for experiment in self.experiments:
-            self.count += 1
-            budget.moved_on(f"run {self.count}")
-            found.append(self.simulate(dict(zip(self.names, x.tolist(), strict=True)), experiment))
-        return found
-
-    def of(self, runs: Sequence[Run]) -> np.ndarray:
-        """Return the residuals of runs."""
-        found = []
-        for run, experiment in zip(runs, self.experiments, strict=True):
-            for column, (time, values, variable) in experiment.columns.items():
-                own = run[variable][np.searchsorted(run.time, time)]
-                found.append((own - values) / self.scales[column])
-        return np.concatenate(found)
-
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        """Return the residuals; large ones where there is no run, so that the search turns back."""
-        try:
-            found = self.of(self.runs(x))
-        except (SimulationError, ModelError) as error:
-            self.refused = error
-            return np.full(self.size, 1e8)
-        return found if np.isfinite(found).all() else np.full(self.size, 1e8)
-
-    def jacobian(self, x: np.ndarray, which: Sequence[int] | None = None) -> np.ndarray:
-        """Return the derivatives (m, n) by central differences, one-sided at bounds; of some unknowns, or of all."""
-        columns = []
-        for k in range(len(x)) if which is None else which:
-            unknown = self.unknowns[k]
-            step = _STEP * (abs(x[k]) or max(abs(unknown.start), 1e-2))
-            low, high = x.copy(), x.copy()
-            low[k], high[k] = max(x[k] - step, unknown.low), min(x[k] + step, unknown.high)
-            columns.append((self.of(self.runs(high)) - self.of(self.runs(low))) / (high[k] - low[k]))
-        return np.stack(columns, axis=1)
-
-    def slopes(self, x: np.ndarray, which: Sequence[int] | None = None) -> np.ndarray:
-        """Return the same; zero where there is no run."""
-        try:
-            found = self.jacobian(x, which)
-        except (SimulationError, ModelError) as error:
-            self.refused = error
-            return np.zeros((self.size, len(x) if which is None else len(which)))
-        return np.where(np.isfinite(found), found, 0.0)
 
 
 def fit(
@@ -235,7 +164,7 @@ def fit(
 
     Parameters
     ----------
-    simulate : a run with values of the unknowns, at the times of an experiment
+    simulate : a run with values of the unknowns, at the times of an experiment, and what differentiates it
     sigma : standard deviation of the data, for all columns or by column; None to estimate it from the residuals: then
         columns count by the range of their values
     starts : how many places the search begins at: the given one, and others drawn within the bounds
@@ -247,7 +176,7 @@ def fit(
         There is no run where the search begins; E0668: there are fewer data than unknowns.
     """
     scales = _scales(experiments, sigma)
-    misses = _Misses(simulate, experiments, unknowns, scales)
+    misses = Misses(simulate, experiments, unknowns, scales)
     if misses.size < len(unknowns) + (sigma is None):
         also = "" if sigma is not None else " and the deviation of the data"
         raise refusal(f"numbers measured: {misses.size}, too few to determine {', '.join(misses.names)}{also}")
@@ -268,7 +197,7 @@ def fit(
         )
         for k in named
     }
-    return replace(made, profiles=profiles, evaluations=misses.count)
+    return replace(made, profiles=profiles, evaluations=misses.count, differences=misses.differences)
 
 
 def _profiled(unknowns: Sequence[Unknown], profile: bool | Sequence[str]) -> list[int]:
@@ -282,7 +211,7 @@ def _profiled(unknowns: Sequence[Unknown], profile: bool | Sequence[str]) -> lis
     return [names.index(name) for name in wanted]
 
 
-def _conditional(misses: _Misses, least: float, variance: float) -> Conditional:
+def _conditional(misses: Misses, least: float, variance: float) -> Conditional:
     """Return how the sum of squares grows from its least half where one unknown is held, the others at their best."""
 
     def place(k: int, value: float, guess: np.ndarray) -> Place:
@@ -345,7 +274,7 @@ def _between(unknown: Unknown, share: float) -> float:
 
 
 def _search(
-    misses: _Misses, x: np.ndarray, which: Sequence[int] | None = None,
+    misses: Misses, x: np.ndarray, which: Sequence[int] | None = None,
     whole: Callable[[np.ndarray], np.ndarray] = lambda x: x,
 ) -> Any:  # fmt: skip
     """Find the least sum of squares over some unknowns, or all.
@@ -373,7 +302,7 @@ def _factor(freedom: int, estimated: bool) -> float:
     return float(t.ppf((1 + LEVEL) / 2, freedom) if estimated else norm.ppf((1 + LEVEL) / 2))
 
 
-def _judged(misses: _Misses, found: Any, scales: Mapping[str, float], estimated: bool) -> Fit:
+def _judged(misses: Misses, found: Any, scales: Mapping[str, float], estimated: bool) -> Fit:
     """Return the fit with what the data say about its values."""
     x, names = found.x, misses.names
     runs = misses.runs(x)
@@ -403,6 +332,7 @@ def _judged(misses: _Misses, found: Any, scales: Mapping[str, float], estimated:
         str(found.message),
         misses.count,
         bool(found.status > 0),
+        misses.differences,
     )
 
 

@@ -57,7 +57,7 @@ Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as of `HybridDynamic
 
 def with_events(
     trajectory: Trajectory, first: Tangent, directions: Sequence[Direction], explicit: bool,
-    occasions: Sequence[Occasion],
+    occasions: Sequence[Occasion], rtol: float,
 ) -> Sensitivities:  # fmt: skip
     """Return the derivatives of a motion, smooth or with events.
 
@@ -66,6 +66,7 @@ def with_events(
     first : where it starts, behind what happens there
     explicit : whether the method of the run was
     occasions : the instants at which something happens
+    rtol : relative tolerance
 
     Raises
     ------
@@ -77,7 +78,7 @@ def with_events(
     if accumulation is not None:
         raise refused(f"the impacts of '{accumulation.name}' accumulate at t = {accumulation.time:.6g} s")
     segments, at, parts = trajectory.segments, first, []
-    rtol, made, by_segment = float(trajectory.stats["rtol"]), {}, {o.segment: o for o in occasions}
+    made, by_segment = {}, {o.segment: o for o in occasions}
     since = segments[0].begin
     each = trajectory.stats.get("steps", 0) / max(trajectory.last[0] - since, 1e-300)
     saltation: Saltation | None = None
