@@ -324,9 +324,9 @@ def _slopes_at_start(
                 row[given] = 0.0
             else:
                 row[flat.find(direction.name)] = 1.0
-        states = start_slopes(observer, segment.begin, x, asked, wished, base[group]) if group else None
-        for j, k in enumerate(group if states is not None else ()):
-            found[k] = np.concatenate([states[j], base[k]])
+        states = start_slopes(observer, segment.begin, x, asked, wished, base[group]) if group else []
+        for k, own in zip(group, states, strict=True):
+            found[k] = None if own is None else np.concatenate([own, base[k]])
     return found
 
 

@@ -28,8 +28,8 @@ _AGREE = 1e-7  # of the largest derivative, by which equations more than enough 
 
 def start_slopes(
     observer: Observer, time: float, x: np.ndarray, initial: Mapping[str, float], wished: np.ndarray, base: np.ndarray
-) -> np.ndarray | None:
-    """Return the derivatives (m, n) of the states at a start; None where they do not follow from equations met there.
+) -> list[np.ndarray | None]:
+    """Return the m derivatives (n,) of the states at a start; None where they do not follow from equations met there.
 
     Parameters
     ----------
@@ -54,17 +54,20 @@ def start_slopes(
     if len(np.unique(own)) == len(own) and enough:
         found = np.zeros((len(wished), n))
         found[:, own] = wished[:, wanted.variable[direct]]
-        return found
+        return list(found)
     if flat.initial_groups or n > DENSE:
-        return None
+        return [None] * len(wished)
     kept = Targets(*(column[register >= 0] for column in vars(wanted).values()))
     return _by_equations(observer, time, x, kept, wished[:, kept.variable], base)
 
 
 def _by_equations(
     observer: Observer, time: float, x: np.ndarray, wanted: Targets, wished: np.ndarray, base: np.ndarray
-) -> np.ndarray | None:
-    """Return the derivatives (m, n) from the values wanted, with their derivatives (m, targets); else None."""
+) -> list[np.ndarray | None]:
+    """Return the m derivatives (n,) from the values wanted, with their derivatives (m, targets); else None.
+
+    What no equation of the start depends on leaves it as it is, whether or not these decide.
+    """
     plan = observer.plan
     system = StartSystem(plan, observer.base, observer.signals, observer.values, time, wanted, Report())
     residual, entries = system.evaluate(x)
@@ -75,22 +78,40 @@ def _by_equations(
     by_base = Jacobian(system.program, moving, system.outputs, len(system.w))
     values = by_base.values(system.w, time)
     right = wished.T - _dense((by_base.rows, by_base.columns, values), (len(residual), len(moving))) @ base[:, moving].T
-    size = np.linalg.norm(matrix, axis=1)
-    free = ~reads.any(axis=0)
-    if not np.isfinite(matrix).all() or not np.isfinite(right).all() or (x[free] != 0).any():
+    if not np.isfinite(matrix).all() or not np.isfinite(right).all():
+        return [None] * len(wished)
+    enters = (wished != 0).any(axis=1) | (base[:, moving[np.unique(by_base.columns)]] != 0).any(axis=1)
+    solved = _solved(x, (matrix, reads, residual), right, system) if enters.any() else None
+    still = np.zeros(len(x))
+    return [still if not asked else None if solved is None else solved[k] for k, asked in enumerate(enters)]
+
+
+def _solved(
+    x: np.ndarray, rows: tuple[np.ndarray, np.ndarray, np.ndarray], right: np.ndarray, system: StartSystem
+) -> np.ndarray | None:
+    """Return the derivatives (m, n); None where the equations do not decide them.
+
+    Parameters
+    ----------
+    rows : the equations' derivatives (rows, n), which of them are other than 0 elsewhere, and what they miss (rows,)
+    right : (rows, m) what the states have to make up for
+    """
+    matrix, reads, residual = rows
+    size, free = np.linalg.norm(matrix, axis=1), ~reads.any(axis=0)
+    if (x[free] != 0).any():
         return None
-    rows = np.flatnonzero(reads.any(axis=1))
+    own = np.flatnonzero(reads.any(axis=1))
     size[size == 0.0] = 1.0
-    scaled = matrix[rows][:, ~free] / size[rows, None]
-    met = np.abs(residual[rows]) <= _MET * (1.0 + np.abs(system.value[rows]))
-    deciding = _deciding(scaled, reads[rows][:, ~free], system.level[rows], met)
+    scaled = matrix[own][:, ~free] / size[own, None]
+    met = np.abs(residual[own]) <= _MET * (1.0 + np.abs(system.value[own]))
+    deciding = _deciding(scaled, reads[own][:, ~free], system.level[own], met)
     if deciding is None:
         return None
-    right = right[rows[deciding]] / size[rows[deciding], None]
+    right = right[own[deciding]] / size[own[deciding], None]
     solved = np.linalg.lstsq(scaled[deciding], right, rcond=None)[0]
     if np.max(np.abs(scaled[deciding] @ solved - right), initial=0.0) > _AGREE * np.max(np.abs(right), initial=0.0):
         return None
-    found = np.zeros((len(wished), len(x)))
+    found = np.zeros((right.shape[1], len(x)))
     found[:, ~free] = solved.T
     return found
 
