@@ -27,8 +27,9 @@ lmoc_lu *lmoc_lu_new(int64_t n, const int32_t *start, const int32_t *rows) {
   f->column = calloc(n + 1, sizeof(int32_t));
   f->d = calloc(n + 1, sizeof(double));
   f->x = calloc(2*n + 1, sizeof(double));
+  f->chosen = calloc(entries + 1, sizeof(double));
   if (!copied || !f->a_start || !f->a_place || !f->a_source || !f->u_start || !f->l_start || !f->row || !f->column ||
-      !f->d || !f->x) {
+      !f->d || !f->x || !f->chosen) {
     lmoc_lu_free(f);
     return 0;
   }
@@ -40,7 +41,7 @@ lmoc_lu *lmoc_lu_new(int64_t n, const int32_t *start, const int32_t *rows) {
 void lmoc_lu_free(lmoc_lu *f) {
   if (!f) return;
   void *owned[] = {(void *)f->start, f->a_start, f->a_place, f->a_source, f->u_start, f->u_place, f->l_start,
-                   f->l_place, f->row, f->column, f->u, f->l, f->d, f->x};
+                   f->l_place, f->row, f->column, f->u, f->l, f->d, f->x, f->chosen};
   for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
   free(f);
 }

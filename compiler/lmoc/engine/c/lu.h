@@ -7,12 +7,13 @@
 
 /* The matrix is given by columns (`start`, `rows`); everything else is by columns in the order of the pivots:
    its entries by `a_place` (the pivot in whose row they stand) and `a_source` (where they are among the values),
-   U above and L below the diagonal, and the diagonal `d`. `x` is work, zero between two calls. */
+   U above and L below the diagonal, and the diagonal `d`. `x` is work, zero between two calls; `chosen` are the values
+   for which the order has been chosen: it comes back with them. */
 typedef struct lmoc_lu {
   int64_t n, ready;
   const int32_t *start, *rows;
   int32_t *a_start, *a_place, *a_source, *u_start, *u_place, *l_start, *l_place, *row, *column;
-  double *u, *l, *d, *x;
+  double *u, *l, *d, *x, *chosen;
 } lmoc_lu;
 
 enum { LMOC_LU_SINGULAR = 0, LMOC_LU_GOOD = 1, LMOC_LU_NO_MEMORY = -1 };

@@ -297,5 +297,6 @@ int lmoc_lu_choose(lmoc_lu *f, const double *values) {
   if (found == LMOC_LU_GOOD) found = lay_out(f, e);
   if (e) end(e);
   f->ready = found == LMOC_LU_GOOD;
+  if (f->ready && values != f->chosen) memcpy(f->chosen, values, (size_t)f->start[f->n] * sizeof(double));
   return found;
 }

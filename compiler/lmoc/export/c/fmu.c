@@ -148,6 +148,17 @@ static int64_t remembered(const fmu_tape *t) {
   return count;
 }
 
+/* Numbers that say in which order sparse factors are made. */
+static int64_t order_count(const fmu *f) {
+  int64_t count = 0;
+  for (int k = 0; k < TAPES; k++)
+    for (int64_t i = 0; i < tape_of(f->model, k)->block_count; i++) {
+      const lmoc_lu *lu = f->blocks[k][i].lu;
+      if (lu) count += 1 + lu->start[lu->n];
+    }
+  return count;
+}
+
 fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell tell, fmu_tell warn, fmu_tell note) {
   fmu *f = calloc(1, sizeof *f);
   if (!f) return 0;
@@ -175,6 +186,12 @@ fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell te
       fmu_free(f);
       return 0;
     }
+  f->orders = order_count(f);
+  f->order = calloc((size_t)f->orders + 1, sizeof(double));
+  if (!f->order) {
+    fmu_free(f);
+    return 0;
+  }
   const int64_t n = model->states;
   f->call = (lmoc_call){.w = f->w[RIGHT], .tape = f->tape + RIGHT, .n = n, .given = n, .first_state = -1,
                         .states = model->state, .derivatives = model->derivative,
@@ -194,6 +211,7 @@ void fmu_free(fmu *f) {
   fmu_loops_free(f);
   lmoc_roots_free(&f->finder);
   free(f->memory);
+  free(f->order);
   free(f->pivots);
   free(f);
 }
@@ -655,8 +673,34 @@ int fmu_directional(fmu *f, const uint32_t *unknowns, size_t rows, const uint32_
 
 /* ------------------------------------------------------------------ saved states */
 
+/* Sparse factors: whether their order of pivots has been chosen, and for which values. */
+static void save_orders(const fmu *f, double *to) {
+  for (int k = 0; k < TAPES; k++)
+    for (int64_t i = 0; i < tape_of(f->model, k)->block_count; i++) {
+      const lmoc_lu *lu = f->blocks[k][i].lu;
+      if (!lu) continue;
+      *to++ = (double)lu->ready;
+      memcpy(to, lu->chosen, (size_t)lu->start[lu->n] * sizeof(double));
+      to += lu->start[lu->n];
+    }
+}
+
+static int restore_orders(fmu *f, const double *from) {
+  for (int k = 0; k < TAPES; k++)
+    for (int64_t i = 0; i < tape_of(f->model, k)->block_count; i++) {
+      lmoc_lu *lu = f->blocks[k][i].lu;
+      if (!lu) continue;
+      const int ready = *from++ != 0;
+      memcpy(lu->chosen, from, (size_t)lu->start[lu->n] * sizeof(double));
+      from += lu->start[lu->n];
+      lmoc_lu_forget(lu);
+      if (ready && lmoc_lu_choose(lu, lu->chosen) != LMOC_LU_GOOD) return 0;
+    }
+  return 1;
+}
+
 size_t fmu_bytes(const fmu *f) {
-  return 64 + sizeof(fmu_scalars) + f->doubles*sizeof(double) + f->pivot_count*sizeof(int32_t);
+  return 64 + sizeof(fmu_scalars) + (f->doubles + f->orders) * sizeof(double) + f->pivot_count * sizeof(int32_t);
 }
 
 static void head(const fmu *f, unsigned char *to) {
@@ -664,18 +708,20 @@ static void head(const fmu *f, unsigned char *to) {
   for (int i = 0; i < 63 && f->model->token[i]; i++) to[i] = (unsigned char)f->model->token[i];
 }
 
-/* Factors are made anew here and where the state is restored: both go on with the same bits. */
+/* Nothing changes here: a run goes on to the bit as if it had not been saved. */
 void fmu_save(fmu *f, unsigned char *to) {
-  forget(f);
-  fmu_changed(f);
   f->now.call_time = f->call.time;
   f->now.marked_time = f->call.marked_time;
   f->now.solved = f->call.solved;
   f->now.marked = f->call.marked;
+  f->now.stands = f->last != 0;
   head(f, to);
   memcpy(to += 64, &f->now, sizeof f->now);
   memcpy(to += sizeof f->now, f->memory, f->doubles * sizeof(double));
-  memcpy(to + f->doubles*sizeof(double), f->pivots, f->pivot_count * sizeof(int32_t));
+  to += f->doubles * sizeof(double);
+  save_orders(f, f->order);
+  memcpy(to, f->order, f->orders * sizeof(double)); /* bytes need not stand where numbers may */
+  memcpy(to + f->orders * sizeof(double), f->pivots, f->pivot_count * sizeof(int32_t));
 }
 
 int fmu_restore(fmu *f, const unsigned char *from, size_t size) {
@@ -684,12 +730,14 @@ int fmu_restore(fmu *f, const unsigned char *from, size_t size) {
   if (size != fmu_bytes(f) || memcmp(own, from, 64)) return fmu_refused(f, "the saved state is one of another FMU");
   memcpy(&f->now, from += 64, sizeof f->now);
   memcpy(f->memory, from += sizeof f->now, f->doubles * sizeof(double));
-  memcpy(f->pivots, from + f->doubles*sizeof(double), f->pivot_count * sizeof(int32_t));
+  from += f->doubles * sizeof(double);
+  memcpy(f->order, from, f->orders * sizeof(double));
+  memcpy(f->pivots, from + f->orders * sizeof(double), f->pivot_count * sizeof(int32_t));
   f->call.time = f->now.call_time;
   f->call.marked_time = f->now.marked_time;
   f->call.solved = f->now.solved;
   f->call.marked = f->now.marked;
-  f->last = 0;
+  f->last = f->now.stands ? &f->call : 0;
   forget(f);
-  return FMU_GOOD;
+  return restore_orders(f, f->order) ? FMU_GOOD : fmu_refused(f, "there is no memory for the factors of a saved state");
 }

@@ -149,6 +149,7 @@ typedef struct {
   double loop_time;                       /* s, of `loop_x` */
   int64_t solved, marked, first_break;
   int32_t phase, co_simulation, stale, evaluated, observed, judged;
+  int32_t stands;                         /* of a saved state: what stands in the registers is the last solution */
   int32_t settled, begun, ended;          /* discrete values agree; those of the start are past; the model has ended */
   int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found */
   int32_t parted;                         /* parameters have been set that move what laws keep closed */
@@ -176,7 +177,8 @@ typedef struct fmu {
   double *step, *before_event, *at_event;       /* values on both sides (`jumps.c`), and discrete ones */
   lmoc_flag *law_which;                         /* (2 n,) */
   double *work, *noise, *moved, *root, *which, *turn, *before, *at;
-  int64_t doubles, pivot_count;
+  int64_t doubles, pivot_count, orders;
+  double *order;                                /* (orders,) of sparse factors, on their way to or from a saved state */
   int32_t *pivots;
   const lmoc_call *last;
   lmoc_call call;
