@@ -292,7 +292,7 @@ def attempt(case: int, text: str, verb: tuple[str, ...], folder: Path) -> Findin
         kind = "memory"
     elif seconds > SECONDS:
         kind = "slow"
-    if kind == "slow" and any(f"warning[{code}]" in text for code in _GOES_ON):
+    if kind == "slow" and ("goes on after" in text or any(f"warning[{code}]" in text for code in _GOES_ON)):
         kind = ""
     return Finding(case, kind, " ".join(verb), seconds, megabytes, text[-3000:]) if kind else None
 

@@ -1,4 +1,7 @@
-"""Start many random linkages with guesses: ``python tests/many_assemblies.py [FIRST] [COUNT]``, 300 by default."""
+"""Start many random linkages with guesses: ``python tests/many_assemblies.py [FIRST] [COUNT] [free]``, 300 by default.
+
+With ``free`` nothing is fixed: the cranks have guesses, too.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,13 @@ def main() -> int:
     """Print the seeds that do not start at the nearest closure; the number of them is the exit code, 99 at most."""
     from oracles.assemblies import check
 
-    numbers = [int(argument) for argument in sys.argv[1:3]]
+    free = sys.argv[-1] == "free"
+    numbers = [int(argument) for argument in sys.argv[1 : len(sys.argv) - free]]
     first, count = (*numbers, *(0, 300)[len(numbers) :])
     failed = 0
     for seed in range(first, first + count):
         try:
-            check(seed)
+            check(seed, free)
         except Exception as error:
             failed += 1
             print(f"seed {seed}: {type(error).__name__}: {(str(error).splitlines() or [''])[0]}", flush=True)

@@ -60,3 +60,21 @@ def test_a_run_simulates_when_time_advances(lmoc, scene, told, monkeypatch):
     assert lmoc("run", scene, "--stop", "100").code == 0
     assert told.index("lower and start") < told.index("simulate")
     assert told[-1] == "simulate"
+
+
+def test_a_log_is_told_that_long_work_goes_on(monkeypatch, capsys):
+    from lmoc.cli import progress
+
+    monkeypatch.setattr(progress, "TOLD", 0.0)
+    monkeypatch.setattr(progress, "_LOOK", 1e-3)
+    said = ""
+    with Progress() as shown:
+        shown.stage("equilibria")
+        while "\n" not in said:
+            said += capsys.readouterr().err
+        shown.reached(0.0, 4.0)
+        shown.reached(1.0, 4.0)
+    assert said.startswith("lmoc: equilibria goes on after 0 s\n")
+    told = Progress(enabled=False)
+    with told:
+        assert told._thread is None

@@ -231,7 +231,10 @@ REDUCED = {
     "way back": lambda r: replace(r, register_of=at(r.register_of, 0, r.registers.count)),
     "variable without register": lambda r: replace(r, undetermined=r.undetermined[:0]),
     "guess": lambda r: replace(
-        r, guess=StartGuess(np.zeros(len(r.states) + 1), np.zeros(0, int), np.zeros(0), True, np.zeros(0, int))
+        r,
+        guess=StartGuess(
+            np.zeros(len(r.states) + 1), np.zeros(0, int), np.zeros(0), True, np.zeros(0, int), np.zeros(0)
+        ),
     ),
     "guard": lambda r: replace(r, guards=(*r.guards, Guard(lambda values: False, "1 = 2"))),
     "parameter program": lambda r: replace(r, parameter_program=r.parameter_program[1:]),

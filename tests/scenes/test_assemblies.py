@@ -38,6 +38,17 @@ def test_a_random_linkage_starts_where_it_closes_nearest_to_its_guesses(seed):
     check(seed)
 
 
+def test_with_nothing_fixed_it_starts_nearest_to_all_guesses():
+    """Gauss–Newton steps overshoot here, to 7.49, -6.89, 1.16, 1.76; in `check` the crank is moved through a turn."""
+    text = fourbar(B=0.0, C=0.0, D=0.1).replace("start = 1, fixed = true), omega(start = 2, fixed = true", "start = 3")
+    text = text.replace("l = 0.5", "l = 0.3").replace("l = 0.9", "l = 0.8").replace("l = 1.2", "l = 0.9")
+    run = lmoc.compile_text(text).simulate(times=[0.0])
+    missed = sum((run[f"{k}.phi"][0] - guess) ** 2 for k, guess in zip("ABCD", (3.0, 0.0, 0.0, 0.1), strict=True))
+    assert notes(run) == ["N0533"]
+    assert missed == pytest.approx(7.673153105682, abs=1e-9)  # the least of 20,001 angles of the crank, refined
+    check(27, free=True)
+
+
 def test_without_a_guess_the_smallest_angles_are_taken_and_told():
     run = lmoc.compile_text(fourbar()).simulate(times=[0.0])
     assert run["D.phi"][0] == pytest.approx(ABOVE, abs=1e-9)

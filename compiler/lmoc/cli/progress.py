@@ -1,22 +1,30 @@
-"""Progress display on a terminal, for work that takes more than a second."""
+"""What is shown of work that takes its time: a bar on a terminal after a second, else a line after some seconds."""
 
 from __future__ import annotations
 
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from lmoc.pipeline import BY_NAME
 
 WAIT = 1.0  # seconds without a word
+# seconds of work (not of waiting for a machine that is busy) after which a log is told that it goes on, and how much
+# longer until it is told again
+TOLD, RARER = 8.0, 4.0
+_LOOK = 0.5  # seconds between two looks at the work
 
 
 class Progress:
-    """A line with the present stage, and a bar while simulated time advances; nothing where it is quick or not seen."""
+    """A line with the present stage, and a bar while simulated time advances; nothing where it is quick.
+
+    Where nobody looks on, as in a log, a line says that long work goes on.
+    """
 
     def __init__(self, enabled: bool = True):
-        self._enabled = enabled and sys.stderr.isatty()
+        self._enabled, self._seen = enabled, sys.stderr.isatty()
         self._stage = ""
         self._start = 0.0
         self._done: float | None = None
@@ -25,7 +33,7 @@ class Progress:
 
     def __enter__(self) -> Progress:
         if self._enabled:
-            self._thread = threading.Thread(target=self._draw, daemon=True)
+            self._thread = threading.Thread(target=self._draw if self._seen else self._tell, daemon=True)
             self._thread.start()
         return self
 
@@ -47,6 +55,17 @@ class Progress:
     def part(self, text: str, share: float) -> None:
         """One of many pieces of work begins, when this share of all is done."""
         self._stage, self._done = text, share
+
+    def _tell(self) -> None:
+        begin, limit = time.process_time(), TOLD
+        while not self._end.wait(_LOOK):
+            spent = time.process_time() - begin
+            if spent >= limit:
+                done = self._done
+                left = "" if not done else f", {100 * done:.0f} % done, about {spent * (1 - done) / done:.0f} s left"
+                sys.stderr.write(f"lmoc: {self._stage or 'the work'} goes on after {spent:.0f} s{left}\n")
+                sys.stderr.flush()
+                limit *= RARER
 
     def _draw(self) -> None:
         if self._end.wait(WAIT):

@@ -60,6 +60,7 @@ def _jets(reduced: Reduced, findings: Findings) -> bool:
     if guess is not None:
         findings.require(len(guess.states) == len(reduced.states), "guess", "one for each state is needed")
         findings.indices(guess.unknowns, 0, count, "guess, unknowns", (len(guess.values),))
+        findings.indices(guess.tied, 0, flat, "guess, tied", (len(guess.nearest),))
         for variables, _ in guess.ways:
             findings.indices(variables, 0, flat, "guess, ways", (None,))
     findings.indices(reduced.register_of, -1, count, "register_of", (flat,))

@@ -19,7 +19,7 @@ from lmoc.support.records import dataclass
 _ITERATIONS = 40
 _HALVINGS = 8
 _MET = 1e-9  # of the size of the values: weighted fixed rows that count as met while steps are judged
-_MISSED_HARD, _MISSED_SOFT = 1e-7, 1e-6  # a fixed value, a start value counts as missed
+_MISSED_HARD, MISSED_SOFT = 1e-7, 1e-6  # a fixed value, a start value counts as missed
 ROUNDING = 1e-13  # of the sizes of the states: a residual that such changes of them make is met as well as it can be
 _ROUGHLY = 1e-3  # of the size of a value: by more nothing is missed, however steep it is
 _CLEARLY = 1e-3  # by which share of what is missed another start must be better
@@ -128,7 +128,7 @@ def _ended(system: StartSystem, x: np.ndarray) -> GaussNewtonResult:
     scale, left = 1.0 + np.abs(system.value), rounding(jacobian, x, len(residual))
     left = np.where(left <= scale, np.minimum(left, _ROUGHLY * scale), 0.0)  # a root's slope is infinite
     hard = system.hard & ~(np.abs(residual) <= np.maximum(_MISSED_HARD * scale, left))
-    soft = ~system.hard & ~(np.abs(residual) <= np.maximum(_MISSED_SOFT * scale, left))
+    soft = ~system.hard & ~(np.abs(residual) <= np.maximum(MISSED_SOFT * scale, left))
     return GaussNewtonResult(x, residual, jacobian, hard, soft)
 
 

@@ -8,7 +8,7 @@ from lmoc.ir.reduced import StartGuess
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.messages.ranges import LOOKED_AT, report_alike
 from lmoc.numerics.start.assembly_notes import note_unmet_guesses
-from lmoc.numerics.start.gauss_newton import ROUNDING, GaussNewtonResult, descend, elsewhere, straight_rows
+from lmoc.numerics.start.gauss_newton import MISSED_SOFT, ROUNDING, GaussNewtonResult, descend, elsewhere, straight_rows
 from lmoc.numerics.start.lexicographic import split
 from lmoc.numerics.start.plastic import PlasticImpact, plastic_impact
 from lmoc.numerics.start.singular import StartSingular
@@ -146,12 +146,14 @@ def _report_missed(
     system: StartSystem, rows: np.ndarray, start: GaussNewtonResult, nearby: StartGuess | None, report: Report
 ) -> None:
     value = system.value + start.residual
+    rows = np.union1d(rows, np.flatnonzero(np.abs(value - system.wished) > MISSED_SOFT * (1.0 + np.abs(system.wished))))
+    rows = rows[~system.hard[rows]]
     rows = np.array([k for k in rows.tolist() if not system.of_class(k)], int)
     if nearby is not None and nearby.closed:
         variable = system.targets.variable
         guesses = [k for k in rows.tolist() if k < len(variable) and variable[k] in nearby.tied]
         if guesses:
-            told = [(int(variable[k]), float(system.value[k]), float(value[k])) for k in guesses]
+            told = [(int(variable[k]), float(system.wished[k]), float(value[k])) for k in guesses]
             note_unmet_guesses(system.flat, nearby, told, report)
         rows = np.setdiff1d(rows, guesses)
     if not len(rows):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lmoc.ir.program import Program, Solve, needed_steps
+from lmoc.ir.reduced import StartGuess
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span
 from lmoc.numerics.failures.diagnosis import sentence
@@ -37,12 +38,29 @@ def _kept_parts(plan: Plan) -> dict[bytes, tuple[Program, Interpreter, Jacobian]
     return {}
 
 
+def _reachable(targets: Targets, closed: StartGuess | None) -> np.ndarray:
+    """What is wanted, but for guesses in loops: their values where the loops close nearest to all of them.
+
+    Least squares by Gauss–Newton steps would go on from there, overshoot where it is far from the guesses, and come to
+    another way to close the loops.
+    """
+    value = targets.value.copy()
+    if closed is not None:
+        order = np.argsort(closed.tied)
+        at = np.searchsorted(closed.tied, targets.variable, sorter=order)
+        at = order[np.minimum(at, len(order) - 1)] if len(order) else at
+        own = np.isin(targets.variable, closed.tied) & ~targets.hard
+        value[own] = closed.nearest[at[own]]
+    return value
+
+
 class StartSystem:
     """Residuals ``variable - value`` and of the initial equations, and their Jacobian by states and quadratures.
 
     Attributes
     ----------
-    value : (m,) values wanted; 0 for equations
+    wished : (m,) values wanted; 0 for equations
+    value : (m,) those that are looked for: guesses in loops that close elsewhere give way to where these do
     hard : (m,) whether a residual must vanish
     level : (m,) which residuals count first: 0 for those that must vanish, above it by the ranks of start values
     """
@@ -56,6 +74,7 @@ class StartSystem:
         time: float,
         targets: Targets,
         report: Report,
+        closed: StartGuess | None = None,
     ) -> None:
         self.plan, self.time, self.targets, self.signals = plan, time, targets, signals
         self.flat = plan.reduced.flat
@@ -70,7 +89,9 @@ class StartSystem:
         for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
             self.w[register] = signals[variable].value(time, order)
         self._seeds = self.w.copy()
-        self.value = np.concatenate([targets.value, np.zeros(len(equations.out))])
+        none = np.zeros(len(equations.out))
+        self.wished = np.concatenate([targets.value, none])
+        self.value = np.concatenate([_reachable(targets, closed), none])
         self._last: tuple[np.ndarray, tuple] | None = None
         self.hard = np.concatenate([targets.hard, np.ones(len(equations.out), bool)])
         rank = np.concatenate([self.flat.start_rank[targets.variable], np.zeros(len(equations.out), int)])
@@ -118,7 +139,7 @@ class StartSystem:
         return f"the initial equation `{self.flat.row_text(group, row)}`"
 
     def text(self, k: int) -> str:
-        return f"{self.name(k)} = {self.value[k]:g}" if k < len(self.targets) else self.name(k)
+        return f"{self.name(k)} = {self.wished[k]:g}" if k < len(self.targets) else self.name(k)
 
     def reached(self, k: int, residual: float) -> str:
         """Describe what resulted instead: a value, or the residual of an equation."""

@@ -2,10 +2,10 @@
 
 A loop of given lengths closes in several ways: a four-bar in two, a six-bar in up to six. All are looked for by
 Newton's method from many places at once (steps of least weighted length, no longer than a radian), until each has been
-found several times; solutions of polynomials come in pairs, so that an odd number of them is looked at for longer. Of
-those that are found, turned by whole turns where that leaves the loops closed, the nearest one
-is taken: first to the values that are given, then to angles of zero. Where two are equally near a fixed rule decides,
-so that rounding does not.
+found several times; solutions of polynomials come in pairs, so that an odd number of them is looked at for longer.
+Where loops can move, what is found is moved to where it is nearest to what is wished. Of all that is found, turned by
+whole turns where that leaves the loops closed, the nearest one is taken: first to the values that are given, then to
+angles of zero. Where two are equally near a fixed rule decides, so that rounding does not.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lmoc.structure.coordinates.nearest_place import Surface, Wish, can_move, nearest_places
 from lmoc.structure.coordinates.turns import TURN, Turns, nearest_turns, turns
 from lmoc.structure.linear.generic import spread
 from lmoc.support.distinct import distinct
@@ -22,6 +23,8 @@ from lmoc.support.records import dataclass
 
 # places of one round, the rounds at most, how often each assembly must have been found for the search to be complete
 PLACES, ROUNDS, SEEN = 16, 6, 3
+_ROUNDS = 4  # of moving a point nearer, then turning it
+AWAY = 2  # rounds at least where loops can move: the nearest place may be far from what is wished
 PATIENCE = 2  # rounds after which it is given up if none has been found
 # Newton's steps, the longest one in radians, the size of a step (of the values) at which it has converged
 _STEPS, _RADIAN, _CLOSED = 30, 1.0, 1e-9
@@ -69,10 +72,12 @@ class Assemblies:
     ----------
     points : (k, n) the nearest first
     isolated : whether each is alone: nothing can move while what is held stays
+    loose : whether something can move at the first one while what is held and given stays
     """
 
     points: np.ndarray
     isolated: bool
+    loose: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,14 +134,17 @@ class Loops:
         """Return the ways in which the loops close; None where none is found."""
         points, counts, isolated = np.zeros((0, len(self.begin))), np.zeros(0, int), False
         for turn in range(ROUNDS):
-            ended = self._closed(*self._places(turn))
+            ended = self._closed(*self._places(turn, drive=len(points) > 0 and not isolated))
+            if len(ended) and not isolated:
+                isolated = self._isolated(ended[0])
+            ended = ended if isolated else self._moved(ended)
             points, counts = self._distinct(points, counts, ended)
             if not len(points):
                 if turn == PATIENCE - 1:
                     return None
                 continue
-            isolated = isolated or self._isolated(points[0])
-            if not isolated or (counts.min() >= SEEN and len(points) % 2 == 0):
+            seen = counts.min() >= SEEN and len(points) % 2 == 0 and (isolated or turn >= AWAY)
+            if seen or not (isolated or self.given.any()):
                 break
         return self._ordered(points, isolated)
 
@@ -150,10 +158,19 @@ class Loops:
 
     def _ordered(self, points: np.ndarray, isolated: bool) -> Assemblies:
         order = self._by_distance(points)
-        return Assemblies(np.array([self._rounded(x) for x in points[order]]), isolated)
+        loose = not isolated and can_move(
+            self._surface, points[order[0]], self.held, self._given_first(points[order[:1]])
+        )
+        return Assemblies(np.array([self._rounded(x) for x in points[order]]), isolated, loose)
 
-    def _places(self, turn: int) -> tuple[np.ndarray, np.ndarray]:
-        """First guesses (k, n), and how easily each unknown gives way there."""
+    def _places(self, turn: int, drive: bool) -> tuple[np.ndarray, np.ndarray]:
+        """First guesses (k, n), and how easily each unknown gives way there.
+
+        Parameters
+        ----------
+        drive : whether one angle after the other stays where it is put, anywhere on its circle, at half of the places:
+            loops that can move are so looked at in all their positions
+        """
         n, free, angle = len(self.begin), ~self.held, self.turns.angle
         kept = PLACES // 2  # at so many of them what is given stays near
         # on all sides of what is wished, first near it, then anywhere
@@ -164,6 +181,12 @@ class Loops:
         first[:kept, self.given] = self.aims[self.given]
         weight = np.tile(free.astype(float), (PLACES, 1))
         weight[:kept, self.given] = _GIVEN
+        if drive:
+            driver = np.flatnonzero(free & angle)
+            driver = np.resize(np.roll(driver, -turn * (PLACES - kept)), PLACES - kept) if len(driver) else driver
+            rows = np.arange(kept, kept + len(driver))
+            first[rows, driver] = self.aims[driver] + np.pi * (2 * spread(len(driver), turn) - 1)
+            weight[rows, driver] = _GIVEN
         if not turn:
             more = np.stack([self.begin, self.aims])
             eased = np.tile(np.where(self.given, _GIVEN, free.astype(float)), (len(more), 1))
@@ -186,6 +209,12 @@ class Loops:
 
     def _closed(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """The points (k, n) at which Newton's method ends, from those places from which it converges."""
+        ended, good = self._descended(x, weight)
+        return ended[good]
+
+    def _descended(self, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The points (k, n) at which Newton's method ends, and whether the loops are closed there (k,)."""
+        x = x.copy()
         angle = self.turns.angle
         done = np.zeros(len(x), bool)
         with np.errstate(all="ignore"):
@@ -199,8 +228,7 @@ class Loops:
                 done[np.flatnonzero(~done)[ended]] = True
                 if done.all():
                     break
-            result: np.ndarray = x[np.isfinite(x).all(axis=1) & self._met(x, _MET)]
-            return result
+            return x, np.isfinite(x).all(axis=1) & self._met(x, _MET)
 
     def _met(self, x: np.ndarray, share: float) -> np.ndarray:
         """Return whether the constraints hold at points (k, n), but for a share of their terms."""
@@ -221,6 +249,32 @@ class Loops:
         size = np.linalg.norm(jacobian, axis=1)
         own = (jacobian / np.where(size > 0, size, 1.0)[:, None])[:, ~self.held]
         return bool(np.linalg.matrix_rank(own, _DEPENDENT) == own.shape[1])
+
+    def _moved(self, points: np.ndarray) -> np.ndarray:
+        """Return points (k, n) moved to where they are nearest to what is given, by whole turns, too."""
+        wishes = self._given_first(points)
+        points, moving = points.copy(), np.arange(len(points) if wishes else 0)
+        for _ in range(_ROUNDS):
+            if not len(moving):
+                break
+            turned = np.array([self.turned(x) for x in points[moving]])
+            points[moving] = nearest_places(self._surface, turned, self.held, wishes)
+            moving = np.array([k for k in moving.tolist() if (self.turned(points[k]) != points[k]).any()], int)
+        return points
+
+    @cached_property
+    def _surface(self) -> Surface:
+        return Surface(self.dense, self._closed_at, self.size)
+
+    def _closed_at(self, x: np.ndarray, held: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self._descended(x, np.tile((~held).astype(float), (len(x), 1)))
+
+    def _given_first(self, points: np.ndarray) -> list[Wish]:
+        """What is given, by its levels."""
+        w, size = self.wishes, self._sizes(points)
+        slope, aim = w.factor / size, (w.target - w.offset) / size
+        own = [mask & ~self.held[w.place] for mask in self._levels() if (w.level[mask] <= 0).all()]
+        return [Wish(w.place[mask], slope[mask], aim[mask]) for mask in own if mask.any()]
 
     def _distinct(
         self, points: np.ndarray, counts: np.ndarray, ended: np.ndarray
@@ -251,12 +305,9 @@ class Loops:
 
     def _by_distance(self, points: np.ndarray) -> np.ndarray:
         """Numbers of the points, the nearest first."""
-        w, angle = self.wishes, self.turns.angle[self.wishes.place]
-        length = np.abs(points[:, ~self.turns.angle]).max(initial=0.0) or 1.0  # all points may lie at the origin
+        w, levels = self.wishes, self._levels()
         with np.errstate(all="ignore"):
-            missed = np.where(self.held[w.place], 0.0, w.missed(points) / np.where(angle, TURN, length))
-        first = [(w.level == 0) & (w.rank == rank) for rank in distinct(w.rank[w.level == 0]).tolist()]
-        levels = [w.level == -1, *first, (w.level == 1) & angle, (w.level == 2) & angle, (w.level == 1) & ~angle]
+            missed = np.where(self.held[w.place], 0.0, w.missed(points) / self._sizes(points))
         cost = np.stack([(missed[:, own] ** 2).sum(axis=1) for own in levels], axis=1)
         order, left = [], list(range(len(points)))
         while left:
@@ -268,6 +319,18 @@ class Loops:
             order.append(best)
             left.remove(best)
         return np.array(order)
+
+    def _levels(self) -> list[np.ndarray]:
+        """Masks (w,) of what is wished for, what counts first first."""
+        w, angle = self.wishes, self.turns.angle[self.wishes.place]
+        first = [(w.level == 0) & (w.rank == rank) for rank in distinct(w.rank[w.level == 0]).tolist()]
+        return [w.level == -1, *first, (w.level == 1) & angle, (w.level == 2) & angle, (w.level == 1) & ~angle]
+
+    def _sizes(self, points: np.ndarray) -> np.ndarray:
+        """What each wish (w,) is measured by: a turn, and the largest length at points (k, n)."""
+        length = np.abs(points[:, ~self.turns.angle]).max(initial=0.0) or 1.0  # all points may lie at the origin
+        result: np.ndarray = np.where(self.turns.angle[self.wishes.place], TURN, length)
+        return result
 
 
 def _steps(residual: np.ndarray, jacobian: np.ndarray, weight: np.ndarray) -> np.ndarray:

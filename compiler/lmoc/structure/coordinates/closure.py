@@ -103,7 +103,7 @@ def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wan
             found = _alone(part, values[inside], weight[inside])
         if assemblies is not None:
             found = assemblies.points[0]
-            loose |= not assemblies.isolated
+            loose |= assemblies.loose
             ways += wanted.told_apart(part.jets, assemblies)
             fixed = weight[inside] <= FIXED
             away = np.abs(found - part.begin) > 1e-9 * (1.0 + np.abs(part.begin))

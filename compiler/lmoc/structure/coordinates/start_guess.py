@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lmoc.ir.normalized import Normalized
 from lmoc.ir.program import Program, Solve, walk
 from lmoc.ir.reduced import StartGuess
 from lmoc.messages.diagnostics import Diagnostic, Subject
@@ -71,12 +72,22 @@ def _guess(
     moved = tied | (np.abs(place[jets]) > 2 * UNMARKED)  # else nobody has said anything, and zero will do
     n = selection.system.normalized
     tied_variables = np.flatnonzero((n.order == 0) & np.isin(n.root, start.jets[start.jets < width]))
+    nearest = _values_of(tied_variables, n, place)
     reason = None if start.closed else out_of_reach(system.normalized)
     failures = () if reason is None else (reason,)
     doubts = tuple(_not_closed(selection, variable, value) for variable, value in start.moved)
     return StartGuess(
-        guess, registers[moved], place[jets][moved], start.closed, tied_variables, start.ways, failures, doubts
+        guess, registers[moved], place[jets][moved], start.closed, tied_variables, nearest, start.ways, failures, doubts
     )
+
+
+def _values_of(variables: np.ndarray, n: Normalized, place: np.ndarray) -> np.ndarray:
+    """The values of flat variables at a place (orders, extended) of their roots."""
+    factor = np.where(n.factor[variables] >= 0, place[0, n.factor[variables]], 1.0)
+    factor[n.factor[variables] == -2] = -1.0
+    offset = np.where(n.offset[variables] >= 0, place[0, n.offset[variables]], 0.0)
+    result: np.ndarray = factor * place[0, n.root[variables]] + offset
+    return result
 
 
 def _not_closed(selection: Selection, variable: int, value: float) -> Diagnostic:
