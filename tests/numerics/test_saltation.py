@@ -164,6 +164,33 @@ def test_a_thermostat(rule):
         assert np.abs(run.sensitivity("x", name) - truth).max() < 1e-6 * np.abs(truth).max()
 
 
+STAIRS = """
+model Stairs "what is rounded down, of states and of time"
+  parameter Real k = 3, r = 0.5, T = 0.43;
+  Real x(start = 0.1, fixed = true);
+  output Real y(start = 0, fixed = true);
+equation
+  der(x) = r;
+  der(y) = floor(k*x) + mod(time, T);
+end Stairs;
+"""
+
+
+def test_numbers_that_are_rounded_down():
+    """Each step of floor(k x) and of floor(time/T) = (time - mod(time, T))/T adds a ramp from its instant on."""
+    run = lmoc.compile_text(STAIRS).simulate(stop=2, points=14, rtol=1e-8, sensitivities=("k", "r", "T", "x"))
+
+    def height(k, r, T, x):
+        ramps = [np.maximum(run.time - (n / k - x) / r, 0) - T * np.maximum(run.time - n * T, 0) for n in range(1, 9)]
+        return run.time**2 / 2 + sum(ramps)
+
+    values = {"k": 3.0, "r": 0.5, "T": 0.43, "x": 0.1}
+    assert run["y"] == pytest.approx(height(**values), abs=1e-7)
+    for name in values:
+        truth = _differences(height, values, name)
+        assert np.abs(run.sensitivity("y", name) - truth).max() < 1e-6 * np.abs(truth).max()
+
+
 TIMED = """
 model Timed "what happens at times that are parameters"
   parameter Real t0 = 0.4, k = 3, T = 0.35;

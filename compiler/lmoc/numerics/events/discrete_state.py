@@ -507,10 +507,10 @@ class DiscreteState:
 
         For the values that have been pushed.
         """
-        layout = self.layout
-        zero, now = self._zeros(times, states), self.v[layout.zero_target[layout.rounded]]
-        found = np.concatenate([zero, now + 1 - zero[:, layout.rounded]], axis=1)
-        found[:, layout.rounded] -= now
+        rounded = np.flatnonzero(self.layout.rounded)
+        zero, now = self._zeros(times, states), self.v[self.layout.zero_target[rounded]]
+        found = np.concatenate([zero, now + 1 - zero[:, rounded]], axis=1)
+        found[:, rounded] -= now
         return found
 
     def roots(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
