@@ -11,12 +11,15 @@ from oracles.fmu import begin, by_cvode, instance, simulated
 from oracles.fmu_calls import goes_on_to_the_bit
 
 import lmoc
-from lmoc.export import executable
 from lmoc.export import fmu as exporting
+from lmoc.export import settable
+from lmoc.export.executable import executable
 from lmoc.export.fmu import find_compiler
 from lmoc.export.laws import MOST_LAWS
 
 fmpy = pytest.importorskip("fmpy")
+from fmpy.fmi1 import FMICallException  # noqa: E402
+
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="there is no C compiler")
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -298,6 +301,61 @@ def test_directional_derivatives(driven) -> None:
     fmu.freeInstance()
 
 
+FAR = """
+model M
+  parameter Real {0};
+  parameter Real k(unit = "N/m") = 40;
+  parameter Real m(unit = "kg") = 1;
+  Mass mass(m = m, g = -9.81, q(start = {1}, fixed = true), v(start = 0, fixed = true));
+  Spring spring(k = k);
+  Fixed wall;
+  Force load(f = {2});
+equation
+  connect(wall.flange, spring.a);
+  connect(spring.b, mass.flange);
+  connect(load.flange, mass.flange);
+  assert(k > 20, "the spring is too soft");
+  annotation(experiment(StopTime = 2));
+end M;
+"""
+
+
+@pytest.mark.parametrize(
+    "declared, start, load, fixed",
+    [
+        ("p = -1", "if p > 3 then 1 else 0.1", "0", ("p",)),  # the start, but not near p = -1
+        ("p = -1, w = if p > 3 then 1 else 0", "0.1 + w", "0", ("p",)),  # by a binding
+        ("p = 7", "0.1", "max(0, time - p)", ("p",)),  # a kink behind the end of the experiment
+        ("p = -1", "0.1", "(if p > 0 then 1 else 0)*mass.a", ("p",)),  # a term that is left out
+        ("p = 0", "max(0, -p)", "0.1*cos(p)", ("p",)),  # by a change downwards alone
+        ("p = 0", "0.1", "0.1*cos(p)", ()),
+    ],
+)
+def test_what_decides_elsewhere_is_fixed(declared: str, start: str, load: str, fixed: tuple[str, ...]) -> None:
+    """A parameter that is set far from where it was tried out changes numbers alone."""
+    dae = lmoc.compile_text(FAR.format(declared, start, load))
+    assert executable(dae).held == fixed
+
+
+def test_parameters_that_break_an_assertion_are_refused(tmp_path) -> None:
+    """Limits of parts and assertions about parameters alone: at the end of initialization, and in a run."""
+    made = lmoc.compile_text(FAR.format("p = 0", "0.1", "p")).export(tmp_path / "far.fmu")
+    for name, value in (("k", 10.0), ("m", -1.0)):
+        fmu, references = instance(made.path)
+        fmu.setFloat64([references[name]], [value])
+        with pytest.raises(FMICallException):
+            begin(fmu)
+        fmu.reset()
+        begin(fmu)
+        fmu.doStep(0.0, 0.5)
+        fmu.setFloat64([references[name]], [2.0 * abs(value) + 1.0])
+        fmu.doStep(0.5, 0.5)
+        fmu.setFloat64([references[name]], [value])
+        with pytest.raises(FMICallException):
+            fmu.doStep(1.0, 0.5)
+        fmu.freeInstance()
+
+
 def test_parameters_that_decide_the_start_are_found_among_many(tmp_path, monkeypatch) -> None:
     """Also by a comparison that one of two equal ones turns, up or down; the others are tried together."""
     text = """model Held
@@ -313,8 +371,8 @@ equation
   connect(floor.flange, stop.a);
   connect(stop.b, mass.flange);
 end Held;"""
-    tried, same = [], executable._Tried._same_with
-    monkeypatch.setattr(executable._Tried, "_same_with", lambda own, new: tried.append(new) or same(own, new))
+    tried, same = [], settable.Tried._same_with
+    monkeypatch.setattr(settable.Tried, "_same_with", lambda own, new: tried.append(new) or same(own, new))
     monkeypatch.setenv("LMOC_CC", "")
     exported = lmoc.compile_text(text).export(tmp_path / "held.fmu")
     assert exported.fixed == ("a", "b") and len(tried) < 60

@@ -174,12 +174,14 @@ def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
     tables += [w.ints(own.unknowns), w.reals(own.guess), w.reals(own.known), w.reals(own.start), w.reals(own.nominal)]
     tables += [w.reals(own.input_start), w.reals(own.dae.values[own.parameters]), w.reals(own.breaks)]
     tables += [w.ints(own.rows), w.ints(own.columns), w.ints(own.outputs)]
+    tables += [w.ints(own.assumed.places), w.ints(own.assumed.errors), w.texts(own.assumed.texts)]
     method = engine_stepper.weights(), engine_stepper.nodes(), engine_stepper.dense(), LAST_WEIGHTS
     tables += [w.reals(a) for a in method]
     rules = ", ".join(_real(float(v)) for v in vars(RULES).values())
     counts = [
         plan.count, len(own.variables), len(plan.states), len(own.inputs), len(own.parameters), len(own.given),
-        len(own.kept), len(own.unknowns), len(own.breaks), len(own.outputs), int(own.branches),
+        len(own.kept), len(own.unknowns), len(own.breaks), len(own.outputs), len(own.assumed.places),
+        int(own.branches),
     ]  # fmt: skip
     parts = [", ".join(map(str, counts)), *tapes, ", ".join(tables), f"{{{rules}}}"]
     parts += [_events(w, own), _laws(w, own), _jumps(w, own), _loops(w, own)]

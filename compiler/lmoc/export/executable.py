@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lmoc.export.accuracy import step_factor
-from lmoc.export.instants import Instants, instants
+from lmoc.export.instants import Instants, Told, instants, message_of
 from lmoc.export.jumps import JumpTables, jump_tables
 from lmoc.export.laws import LawTables, law_tables, why_not
 from lmoc.export.loops import LoopTables, as_given, closing_parameters, in_all_coordinates, loop_tables
 from lmoc.export.refusals import refusal
+from lmoc.export.settable import Tried, begun
 from lmoc.export.variables import Variable, listed
 from lmoc.expression.dag import ONE, depends_on_time, slot
 from lmoc.ir.flat import FlatDAE, Kind
@@ -20,25 +20,20 @@ from lmoc.ir.program import Apply, Program, Solve, Step, Total, needed_steps, re
 from lmoc.ir.reduced import Reduced
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.tape import Tape
-from lmoc.messages.diagnostics import ModelError, Report
+from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.engine_system import has_branches
-from lmoc.numerics.events.discrete_state import initial_values
 from lmoc.numerics.laws.switching import all_open
 from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, default_signals
 from lmoc.numerics.solve.jacobian import Jacobian
+from lmoc.structure.laws.degree import dependent
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.dae import CompiledDAE
     from lmoc.run import Run
-
-MOST_TRIED = 300  # groups of parameters whose influence on structure and start is tried out; others stay as they are
-MOST_VALUES = 200_000  # of variables in all trials: a start of a thousand strings takes 0.2 s
-_ASIDE = 2.0**-10
-_GOLDEN = 0.618033988749895  # its multiples lie apart from each other modulo 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +65,7 @@ class Executable:
     loops : closed loops whose coordinates are all states; None where minimal coordinates serve all the way
     closing : (parameters,) whether their closures depend on one
     variables : in the order of their value references, from 1 on
+    assumed : assertions about parameters that can be set; places behind the registers of `parametric`
     zero_inputs : {name: 0} of inputs that the model leaves open
     held : names of parameters that cannot be set, since structure or start depend on them
     dae : CompiledDAE
@@ -105,6 +101,7 @@ class Executable:
     loops: LoopTables | None
     closing: np.ndarray
     variables: tuple[Variable, ...]
+    assumed: Told
     zero_inputs: dict[str, float]
     held: tuple[str, ...]
 
@@ -139,7 +136,7 @@ def executable(dae: CompiledDAE) -> Executable:
     observe = values_tape(observing, plan.count)
     unknowns = np.concatenate([_unknowns(right), _unknowns(observe)]).astype(int)
     guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
-    start = _start(run, len(plan.states))
+    start = begun(run, len(plan.states))
     values = plan.reduced.flat.extended(dae.values)
     laws = law_tables(plan, values, signals, _inputs, run.trajectory) if reduced.switched is not None else None
     jumps = jump_tables(plan)
@@ -151,12 +148,13 @@ def executable(dae: CompiledDAE) -> Executable:
     if loops is not None and jumps is not None:
         raise refusal(flat, "its coordinates change along the motion, beside a prescribed motion that may jump")
     from_parameters, known = _parameter_program(dae, plan)
-    tried = _Tried(dae, plan, signals, zero_inputs, span, _start(minimal, len(before.states)))
+    tried = Tried(dae, plan, signals, zero_inputs, span, begun(minimal, len(before.states)), from_parameters)
     settable, held = tried.settable()
     closing = closing_parameters(loops, from_parameters, settable + plan.count, len(known))
     if loops is not None and not loops.free.any():  # with other values they are closed elsewhere
         held = (*held, *(flat.variable_name(v) for v in settable[closing]))
         settable, closing = settable[~closing], closing[~closing]
+    from_parameters, known, assumed = _assumed(plan, from_parameters, known, settable)
     variables = listed(dae, plan, inputs, exported, settable, events, [] if laws is None else laws.indicator_texts)
     variables = variables if loops is None else as_given(variables, loops, closing)
     outputs = np.array(sorted({v.register for v in variables if v.causality == "output"}), int)
@@ -174,7 +172,7 @@ def executable(dae: CompiledDAE) -> Executable:
         inputs, base[inputs], settable, start, np.where(nominal > 0, nominal, 1.0),
         step_factor(dae, plan, run, zero_inputs),
         kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, laws,
-        jumps, loops, closing, variables, zero_inputs, held,
+        jumps, loops, closing, variables, assumed, zero_inputs, held,
     )  # fmt: skip
 
 
@@ -194,12 +192,6 @@ def _inputs(plan: Plan) -> np.ndarray:
         own = np.concatenate([own, register[np.isin(variable, form.modes)], plan.held])
     found = np.array([r for r, _ in plan.constants], int)
     return found[~np.isin(found, own)]
-
-
-def _start(run: Run, count: int) -> np.ndarray:
-    """Return the states with which a run starts, before what events do there."""
-    begun = run.trajectory.begun
-    return (run.trajectory.segments[0].table[0] if begun is None else begun[0])[:count]
 
 
 def _longest(
@@ -301,100 +293,23 @@ def _parameter_program(dae: CompiledDAE, plan: Plan) -> tuple[Program, np.ndarra
     return (*steps, taken, *plan.reduced.parameter_program), known
 
 
-# --------------------------------------------------------------------- parameters
-
-
-class _Tried:
-    """Which parameters can be set: those on which neither the equations' form nor the start nor kinks depend."""
-
-    def __init__(
-        self,
-        dae: CompiledDAE,
-        plan: Plan,
-        signals: dict[int, Signal],
-        inputs: dict[str, float],
-        span: tuple[float, float],
-        start: np.ndarray,
-    ) -> None:
-        self.dae, self.plan, self.signals, self.inputs, self.span, self.start = dae, plan, signals, inputs, span, start
-        self._breaks = self._break_times(dae.values)
-
-    def settable(self) -> tuple[np.ndarray, tuple[str, ...]]:
-        """Return the flat variables that can be set, and the names of those that cannot."""
-        flat = self.dae.flat
-        bound = np.zeros(flat.count, bool)
-        for a in flat._parameter_bindings[1]:
-            bound[a.target] = True
-        candidates = [
-            v
-            for b in flat.blocks
-            if b.kind == Kind.PARAMETER and b.quantity == "Real" and not (b.structural or b.final or b.protected)
-            for v in range(b.offset, b.offset + b.size)
-            if not bound[v] and np.isfinite(self.dae.values[v])
-        ]
-        free = self._free_ones(candidates)
-        return np.array(sorted(free), int), tuple(flat.variable_name(v) for v in candidates if v not in free)
-
-    def _free_ones(self, candidates: list[int]) -> set[int]:
-        """Return which of them may change: tried together, and by halves where something depends on one of them.
-
-        Adaptive group testing (Hwang, "A method for detecting all defective members in a population by group testing",
-        1972): a few trials where few parameters matter. Their number is bounded, by the size of the scene, too.
-        """
-        free: set[int] = set()
-        groups = deque([candidates] if candidates else [])
-        trials = min(MOST_TRIED, 1 + MOST_VALUES // self.dae.flat.count)
-        while groups and trials > 0:
-            group, trials = groups.popleft(), trials - 1
-            if self._are_free(group):
-                free.update(group)
-            elif len(group) > 1:
-                groups.extend((group[: len(group) // 2], group[len(group) // 2 :]))
-        return free
-
-    def _are_free(self, variables: list[int]) -> bool:
-        """Whether changes of these parameters, up and down, change nothing but numbers in the equations.
-
-        Each changes by a part of its own: quotients and differences of several change, and their order.
-        """
-        own = {v: _ASIDE * (1.0 + v * _GOLDEN % 1.0) for v in variables}
-        values = {v: float(self.dae.values[v]) for v in variables}
-        same = {
-            self._same_with({v: values[v] * (1.0 + sign * own[v]) if values[v] else own[v] for v in variables})
-            for sign in (1.0, -1.0)
-        }
-        return same == {True} or (len(variables) == 1 and same == {True, None})
-
-    def _same_with(self, changed: dict[int, float]) -> bool | None:
-        """Whether structure, kinks and start are the same with other values of parameters; None: impossible ones."""
-        flat = self.dae.flat
-        values = flat.parameter_values({**_overrides(flat), **changed})
-        if any(r.broken_guard(values) is not None for r in (self.dae.reduced, self.plan.reduced)):
-            return False
-        if not np.array_equal(self._break_times(values), self._breaks):
-            return False
-        try:
-            only = [self.span[0]]
-            named = {flat.variable_name(variable): value for variable, value in changed.items()}
-            run = self.dae.simulate(times=only, parameters=named, inputs=self.inputs, energy=False)
-        except ModelError:
-            return None  # such as a string that is too short for where its ends begin
-        if not np.array_equal(self._discrete(values), self._discrete(self.dae.values)):
-            return False
-        found = _start(run, len(self.start))
-        return len(found) == len(self.start) and np.array_equal(found, self.start)
-
-    def _discrete(self, values: np.ndarray) -> np.ndarray:
-        """Return what discrete variables begin with."""
-        flat = self.dae.flat
-        return np.zeros(0) if flat.events is None else initial_values(flat, values)[flat.events.discrete]
-
-    def _break_times(self, values: np.ndarray) -> np.ndarray:
-        base = self.plan.base(self.plan.reduced.flat.extended(values), self.signals)
-        return kinks.break_times(self.plan, base, *self.span)
-
-
-def _overrides(flat: FlatDAE) -> dict[int, float]:
-    from lmoc.parameters import indexed
-
-    return indexed(flat, flat.overrides)
+def _assumed(
+    plan: Plan, program: Program, known: np.ndarray, settable: np.ndarray
+) -> tuple[Program, np.ndarray, Told]:
+    """Return the program of parameters, the values with which it begins, and the assertions that it judges, too: those
+    about parameters alone that depend on what can be set."""
+    flat, count = plan.reduced.flat, plan.count
+    moved = dependent(program, settable + count, len(known))[count:]
+    steps: list[Step] = []
+    places, errors, texts = [], [], []
+    for check in flat.checks:
+        rows = np.flatnonzero(moved[check.slots].any(axis=1)) if check in flat.constant_checks else []
+        if not len(rows):
+            continue
+        places.append(len(known) + sum(map(len, places)) + np.arange(len(rows)))
+        steps.append(Apply(check.condition * ONE, check.slots[rows] + count, places[-1]))
+        errors += [int(check.error)] * len(rows)
+        texts += [message_of(flat, check)(int(row)) for row in rows]
+    found = np.concatenate([np.zeros(0, int), *places]).astype(int)
+    values = np.concatenate([known, np.full(len(found), np.nan)])
+    return (*program, *steps), values, Told(found, np.array(errors, int), tuple(texts))

@@ -146,7 +146,7 @@ def instants(plan: Plan, values: np.ndarray, longest: Callable[[], float], read:
     told = [Condition(c.condition, c.slots, 0) for c in checks]
     told += [Condition(e.guard, e.slots, 1) for e in events.terminations]
     tables = Tables({}, (), (), NONE) if layout is None else event_tables(layout, own, told)
-    texts = [_message(flat, c)(row) for c in checks for row in range(len(c.slots))]
+    texts = [message_of(flat, c)(row) for c in checks for row in range(len(c.slots))]
     begin, begun = ((), NONE) if layout is None else _begin(own, layout)
     seen = NONE if layout is None else plan.reduced.register_of[layout.seen]
     known = np.concatenate([NONE, *judged])
@@ -196,7 +196,8 @@ def _told(
     return Told(np.concatenate(places), np.array(errors, int), tuple(texts)), tuple(steps)
 
 
-def _message(flat: FlatDAE, check: Check) -> Callable[[int], str]:
+def message_of(flat: FlatDAE, check: Check) -> Callable[[int], str]:
+    """Return what is said of each row of an assertion that does not hold."""
     place = f" ({check.span})" if check.span is not None else ""
     return lambda row: f"an assertion does not hold: {flat.message_of(check, row)}{place}"
 
@@ -204,7 +205,7 @@ def _message(flat: FlatDAE, check: Check) -> Callable[[int], str]:
 def _watched(own: _Layout, flat: FlatDAE) -> tuple[Told, list[np.ndarray], np.ndarray, Program]:
     """Return the assertions about the motion, what each reads, and the functions whose zeros may change them."""
     checks = [c for c in flat.checks if not c.at_events and c not in flat.constant_checks and len(c.slots)]
-    told, steps = _told(own, [(c.condition, c.slots, c.error, _message(flat, c)) for c in checks])
+    told, steps = _told(own, [(c.condition, c.slots, c.error, message_of(flat, c)) for c in checks])
     found, more = [NONE], []
     for c in checks:
         for relation in relations_of(c):

@@ -64,7 +64,7 @@ static status set_up(instance *c, int has_tolerance, double tolerance, double st
 
 FMU_EXPORT status FMI(ExitInitializationMode)(instance *c) {
   ALLOW(FMU_INITIALIZING);
-  if (fmu_begin(c->f, 1) || fmu_accept(c->f)) {
+  if (fmu_fits(c->f) || fmu_begin(c->f, 1) || fmu_accept(c->f)) {
     c->f->now.phase = FMU_BROKEN;
     return ERROR;
   }
@@ -248,7 +248,8 @@ FMU_EXPORT status FMI(GetEventIndicators)(instance *c, double out[], size_t n) {
 
 /* All that happens at an event, and when the next one comes: infinity where none is known. */
 static status updated(instance *c, double *next) {
-  const int found = fmu_happen(c->f);
+  int found = fmu_fits(c->f);
+  if (!found) found = fmu_happen(c->f);
   *next = fmu_next(c->f);
   return done(found ? found : fmu_holds(c->f));
 }

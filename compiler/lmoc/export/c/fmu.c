@@ -244,7 +244,7 @@ void fmu_settle(fmu *f) {
       guess(f);
       f->call.solved = f->call.marked = f->now.closed = 0;
     }
-    f->now.stale = 0;
+    f->now.stale = f->now.fits = 0;
     fmu_changed(f);
   }
   for (int64_t i = 0; i < f->e.discrete; i++)
@@ -259,6 +259,18 @@ void fmu_settle(fmu *f) {
   fmu_law_given(f);
   lmoc_law_renew(&f->laws);
   if (runs) fmu_law_compare(f);
+}
+
+int fmu_fits(fmu *f) {
+  const fmu_model *m = f->model;
+  fmu_settle(f);
+  for (int64_t i = 0; i < m->assumed && !f->now.fits; i++) {
+    if (f->w[PARAMETRIC][m->assumption[i]] != 0) continue;
+    if (m->assumption_error[i]) return fmu_refused(f, m->assumption_texts[i]);
+    f->warn(f->owner, m->assumption_texts[i]);
+  }
+  f->now.fits = 1;
+  return FMU_GOOD;
 }
 
 int fmu_lost(fmu *f) {
@@ -286,7 +298,7 @@ int fmu_look(fmu *f, double time, const double *x) {
 }
 
 static int evaluate(fmu *f) {
-  fmu_settle(f);
+  if (fmu_fits(f)) return FMU_WRONG;
   if (!f->now.begun && !f->now.settled && (f->e.discrete || f->model->laws.laws.count || f->model->loops.stages)) {
     const int found = fmu_begin(f, 0);
     f->now.settled = !found;

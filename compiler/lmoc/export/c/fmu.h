@@ -95,7 +95,7 @@ typedef struct {
 
 typedef struct {
   const char *token;
-  int64_t registers, variables, states, inputs, parameters, given, kept, unknowns, breaks, outputs;
+  int64_t registers, variables, states, inputs, parameters, given, kept, unknowns, breaks, outputs, assumed;
   int branches;                           /* blocks are closures of loops, which have several solutions */
   fmu_tape parametric, right, observe, slopes;
   const int32_t *kind, *place, *type;     /* (variables,); place: which parameter, state, input; or a register */
@@ -112,6 +112,8 @@ typedef struct {
   const double *break_times;              /* s, where functions of time have kinks or jumps */
   const int32_t *rows, *columns;          /* (slopes.result_count,) derivatives first, then outputs; states, then inputs */
   const int32_t *output;                  /* (outputs,) registers of the rows behind the derivatives */
+  const int32_t *assumption, *assumption_error; /* (assumed,) places on the tape of parameters: what they have to fulfil */
+  const char *const *assumption_texts;
   const double *weights, *nodes, *dense, *omitted;
   lmoc_rules rules;
   fmu_events events;
@@ -149,6 +151,7 @@ typedef struct {
   double loop_time;                       /* s, of `loop_x` */
   int64_t solved, marked, first_break;
   int32_t phase, co_simulation, stale, evaluated, observed, judged;
+  int32_t fits;                           /* the parameters fulfil what is assumed of them */
   int32_t stands;                         /* of a saved state: what stands in the registers is the last solution */
   int32_t settled, begun, ended;          /* discrete values agree; those of the start are past; the model has ended */
   int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found */
@@ -215,6 +218,7 @@ int fmu_lost(fmu *f);                                   /* a nonlinear block has
 int fmu_solve(fmu *f, double time, const double *x);    /* those of the derivatives … */
 int fmu_look(fmu *f, double time, const double *x);     /* … and registers of LOOK at a place */
 void fmu_settle(fmu *f);                                /* parameters, inputs and modes into the registers */
+int fmu_fits(fmu *f);                                   /* the same, and FMU_WRONG where parameters must not be so */
 void fmu_changed(fmu *f);
 int fmu_refused(fmu *f, const char *text);
 
