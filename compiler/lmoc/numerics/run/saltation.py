@@ -82,8 +82,12 @@ def with_events(
     since = segments[0].begin
     each = trajectory.stats.get("steps", 0) / max(trajectory.last[0] - since, 1e-300)
     saltation: Saltation | None = None
+    known: dict[tuple[str, ...], np.ndarray] = {}  # sizes of the states, by the coordinates
     for k, segment in enumerate(segments):
-        sizes = sizes_of([s for s in segments if s.coordinates == segment.coordinates])
+        named = tuple(segment.coordinates)
+        if named not in known:
+            known[named] = sizes_of([s for s in segments if s.coordinates == segment.coordinates])
+        sizes = known[named]
         sweep = Sweep(segment.observer, directions, at.base, sizes, rtol, explicit, made)
         following, occasion = segments[k + 1] if k + 1 < len(segments) else None, by_segment.get(k)
         moving, came = at, saltation
@@ -100,7 +104,7 @@ def with_events(
         times, own = np.unique(np.concatenate([segment.time, grid]), return_inverse=True)
         states, tangents = sweep.go(at, times)
         own = own[: len(segment.time)]
-        agree(states[own], segment.table, sizes, 10 * sweep.rtol)
+        agree(sweep.plan, states[own], segment.table, sizes, 10 * sweep.rtol)
         parts.append(Part(segment, tangents[:, own], at.base, sizes))
         place, saltation = Tangent(end, states[-1], tangents[:, -1], at.base), None
         if occasion is not None:

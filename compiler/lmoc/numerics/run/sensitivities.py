@@ -258,7 +258,7 @@ class Sensitivities:
     def _of(self, part: Part, direction: Direction, which: int, variables: np.ndarray) -> np.ndarray:
         """Return the derivatives (times, variables) in one segment."""
         segment, tangent, base = part.segment, part.tangents[which], part.base[which]
-        moved = np.max(np.abs(tangent) / part.sizes, initial=0.0)
+        moved = np.max((np.abs(tangent) / part.sizes)[:, ~segment.observer.plan.ledger], initial=0.0)
         step = STEP * min(direction.size, 1.0 / moved if moved > 0 else np.inf)
 
         def values(change: float) -> np.ndarray:
@@ -396,14 +396,22 @@ class Sweep:
     def _forward(
         self, begin: float, y: np.ndarray, times: np.ndarray, atol: np.ndarray, breaks: np.ndarray
     ) -> np.ndarray:
-        """Return states and tangents (times, n·(1 + m)) at times behind a place, by an integrator of runs."""
+        """Return states and tangents (times, n·(1 + m)) at times behind a place, by an integrator of runs.
+
+        Where rounding is all that flows, as heat in an elastic string, the ledger is not followed so closely that
+        it holds up the motion, on which it does not act.
+        """
         found, end = np.empty((len(times), len(y))), float(times[-1])
 
         def sink(first: int, states: np.ndarray) -> None:
             found[first : first + len(states)] = states
 
-        problem = Problem(self.system, begin, y, end, times, self.rtol, atol, sink, breaks=breaks)
-        outcome, _ = choice.run(problem, "dop853" if self.explicit else "radau")
+        ledger = np.tile(self.plan.ledger, 1 + self.m)
+        for tolerances in (atol, np.where(ledger, np.max(atol), atol)):
+            problem = Problem(self.system, begin, y, end, times, self.rtol, tolerances, sink, breaks=breaks)
+            outcome, _ = choice.run(problem, "dop853" if self.explicit else "radau")
+            if not ledger.any() or outcome.status in (Status.OK, Status.INTERRUPTED, Status.SPENT):
+                break
         if outcome.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         if outcome.status is not Status.OK or not np.isfinite(found).all():
@@ -411,8 +419,8 @@ class Sweep:
         return found
 
 
-def agree(states: np.ndarray, table: np.ndarray, sizes: np.ndarray, rtol: float) -> None:
-    """Refuse tangents along another motion (times, n) than that of the run."""
-    apart = np.abs(states - table) / sizes
+def agree(plan: Plan, states: np.ndarray, table: np.ndarray, sizes: np.ndarray, rtol: float) -> None:
+    """Refuse tangents along another motion (times, n) than that of the run; work and heat are no part of it."""
+    apart = (np.abs(states - table) / sizes)[:, ~plan.ledger]
     if not np.max(apart, initial=0.0) <= _APART * max(rtol, 1e-12):
         raise refused("the motion depends on its values so much that it cannot be repeated within its tolerance")
