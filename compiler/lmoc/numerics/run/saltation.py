@@ -398,8 +398,8 @@ class Saltation:
         at, dynamics = self._at, self._around.dynamics
         known, clock = None, self._occasion.memory.next
         if self._along is not None:
-            known = change * float(self._along[which])
-        elif dynamics.stepping.instant(at.time) is not None:
+            return self._along_with(which, change)
+        if dynamics.stepping.instant(at.time) is not None:
             known = 0.0
         elif dynamics.handler is not None and abs(clock - at.time) <= near_to(at.time):
             known = dynamics.handler.next - at.time
@@ -422,12 +422,29 @@ class Saltation:
                 missing = self._missing(values, x, later)
             apart = np.abs(missing) > _TOGETHER * np.abs(self._slope) * max(abs(later), _ROUNDING * abs(at.time))
         if apart.any():
-            name = self._around.directions[which].name
-            raise refused(
-                f"what happens at t = {at.time:.6g} s ({self._said}) happens at one instant only for this value of "
-                f"'{name}'"
-            )
+            raise self._coincides(which)
         return later
+
+    def _along_with(self, which: int, change: float) -> float:
+        """Return how much later the instant before happens, where functions still vanish together with it.
+
+        They miss that by squares of the change, as the places are linear in it: what has its sign is looked at.
+        """
+        at, later, sides = self._at, change * float(self._along[which]), []
+        for sign in (-1.0, 1.0):
+            self._around.recall(which, sign * change, at.base[which])
+            x = at.x + sign * change * at.by[which]
+            sides.append(self._missing(self._around.dynamics.heights(), x, sign * later))
+        most = _TOGETHER * np.abs(self._slope) * max(abs(later), _ROUNDING * abs(at.time))
+        if (np.abs(sides[1] - sides[0]) / 2 > most).any():
+            raise self._coincides(which)
+        return later
+
+    def _coincides(self, which: int) -> ModelError:
+        name, time = self._around.directions[which].name, self._at.time
+        return refused(
+            f"what happens at t = {time:.6g} s ({self._said}) happens at one instant only for this value of '{name}'"
+        )
 
     def _missing(self, values: Heights, x: np.ndarray, later: float) -> np.ndarray:
         """Return by how much functions miss what they were at the instant, so much later."""
