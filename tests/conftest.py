@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +26,10 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # scenes of their own; what others compile has been checked there, and compiles a third faster without
 CHECKED = {"expression", "ir", "lower", "scenes", "semantics", "sources", "structure", "syntax", "wrong"}
 
+# hundreds of processes are started, each of which would compile the package where bytecode is not to be written
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # one thread of the BLAS in tests that call the package, as in the command; several processes run them at a time
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -44,6 +49,14 @@ equation
   annotation(experiment(StopTime = 3));
 end Oscillator;
 """
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Tests that stand together go to one process, which shares what they compile; who ends first takes of the rest."""
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log) if config.getvalue("dist") == "load" else None
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
