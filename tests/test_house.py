@@ -150,7 +150,10 @@ CODE = re.compile(r"[EWN]\d{2,4}")
 
 def codes_that_decide(name: str) -> list[int]:
     """Lines in which codes of diagnostics are compared, or looked at by their beginning."""
-    tree = ast.parse(FILES[name].read_text())
+    text = FILES[name].read_text()
+    if not CODE.search(text):
+        return []
+    tree = ast.parse(text)
 
     def holds_code(node: ast.AST, named: Collection[str] = ()) -> bool:
         inside = list(ast.walk(node))
