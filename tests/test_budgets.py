@@ -5,6 +5,7 @@ import time
 
 import pytest
 from conftest import ROOT
+from oracles.models import compiled
 
 import lmoc
 from lmoc.cli.main import VERBS, main
@@ -43,7 +44,7 @@ def test_every_method_has_a_budget():
 
 @pytest.mark.parametrize("method", ["equations", "equilibria", "linearize", "symbolic_ode", "draw", "simulate", "view"])
 def test_a_method_whose_work_does_not_end_says_so(method, monkeypatch):
-    dae = lmoc.compile(SUSPENSION)
+    dae = compiled("notes/ex05_suspension")
     monkeypatch.setattr(Session, "prepare", without_end)
     monkeypatch.setattr(Session, "for_derivation", without_end)
     with lmoc.budget(0.2), pytest.raises(lmoc.ModelError) as error:

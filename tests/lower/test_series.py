@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from oracles.models import compiled
 
 import lmoc
 from lmoc.engine.library import library
@@ -77,7 +78,7 @@ def test_time_and_sums_and_what_stays():
 @pytest.mark.parametrize("scene", ["classic/andrews", "classic/slider_crank", "planar/four_bar", "planar/chain"])
 def test_blocks_have_series(scene):
     """By the derivative of the polynomial a little later: it is the right-hand side there."""
-    dae = lmoc.compile(f"models/{scene}.lmo")
+    dae = compiled(scene)
     run = dae.simulate(times=[0.0, 1e-9], rtol=1e-10, solver="taylor", energy=False)
     assert run.stats["solver"] == "taylor"
     fine = dae.simulate(stop=0.02, points=5, rtol=1e-11, solver="dop853")

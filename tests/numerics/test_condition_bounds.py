@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from oracles.models import compiled
 
-import lmoc
 from lmoc.numerics.coordinates.tableau import rank_margin
 from lmoc.numerics.coordinates.watch import CoordinateWatch
 from lmoc.numerics.steps import loop
@@ -32,14 +31,14 @@ def test_a_place_is_seen_as_by_numpy(scene, monkeypatch):
 
     monkeypatch.setattr(CoordinateWatch, "__call__", compared)
     monkeypatch.setattr(CoordinateWatch, "enter", lambda *_: None)
-    lmoc.compile(ROOT / f"models/{scene}.lmo").simulate(rtol=1e-7)
+    compiled(scene).simulate(rtol=1e-7)
     assert seen > 10
 
 
 @pytest.mark.parametrize("solver", ["dop853", "taylor"])
 @pytest.mark.parametrize("scene", [*SCENES, "planar/pendulum_cartesian"])
 def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch):
-    dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
+    dae = compiled(scene)
     walked, options = 0, {"points": 73, "rtol": 1e-7, "solver": solver}
     walk = Loop.walk
 
@@ -66,7 +65,7 @@ def test_steps_judged_in_c_are_those_judged_in_python(scene, solver, monkeypatch
     "options", [{"solver": "dop853"}, {"solver": "taylor"}, {"solver": "dop853", "formulation": "projected"}]
 )
 def test_output_for_which_there_is_no_room_in_a_batch_comes_with_the_next(options, monkeypatch):
-    dae = lmoc.compile(ROOT / "models/planar/four_bar.lmo")
+    dae = compiled("planar/four_bar")
     whole = dae.simulate(stop=1, points=500, **options)
     monkeypatch.setattr(loop, "_BATCH", 40)  # numbers, so that a step has more output than that
     run = dae.simulate(stop=1, points=500, **options)
@@ -77,7 +76,7 @@ def test_output_for_which_there_is_no_room_in_a_batch_comes_with_the_next(option
 
 @pytest.mark.parametrize("scene", SCENES)
 def test_a_run_judged_in_c_is_the_one_whose_places_are_filled_in_python(scene, monkeypatch):
-    dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
+    dae = compiled(scene)
     run = dae.simulate(points=50, rtol=1e-7, solver="dop853")
     monkeypatch.setattr(CoordinateWatch, "_made_in_c", lambda *_: None)
     other = dae.simulate(points=50, rtol=1e-7, solver="dop853")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import models
 from oracles.by_numpy import VectorSystem
 
 import lmoc
@@ -35,7 +36,7 @@ SMALL = {"N": 20}  # the large scenes, short
 
 
 def compiled(path: Path) -> lmoc.DAE:
-    return lmoc.compile(path, parameters=SMALL if path.parent.name == "bench" else None)
+    return models.compiled(path, **(SMALL if path.parent.name == "bench" else {}))
 
 
 def systems(dae: lmoc.DAE) -> tuple[Plan, dict[str, System]]:
@@ -156,7 +157,7 @@ def test_trajectories_agree(path: Path) -> None:
     implicit = any(isinstance(s, Solve) and not s.linear for s in walk(plan.program))
     if implicit:  # its blocks have solutions in places only
         x0 = points(dae, plan, 1)[0]
-    rtol, grid = 1e-7, np.linspace(0, min(0.1, dae.flat.experiment.stop or 0.1), 5)
+    rtol, grid = 1e-7, np.linspace(0, min(0.03, dae.flat.experiment.stop or 0.03), 5)
     if not len(x0):
         return
     # where a kink rejects a step is rounding, and what the steps then are; of equal ones rounding is all that differs

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from oracles.models import compiled
 
 import lmoc
 
@@ -195,14 +195,14 @@ def test_a_determinant_that_comes_near_zero_and_turns_back_is_no_such_place(poin
 
 @pytest.mark.parametrize("name", ["andrews", "car_axis", "slider_crank"])
 def test_coordinates_that_carry_all_the_way(name):
-    dae = lmoc.compile(ROOT / f"models/classic/{name}.lmo")
+    dae = compiled(f"classic/{name}")
     run = dae.simulate()
     assert run.time[-1] == dae.flat.experiment.stop
     assert all(np.isfinite(run[state]).all() for state in dae.states)
 
 
 def test_the_look_at_the_coordinates_changes_nothing():
-    dae = lmoc.compile(ROOT / "models/classic/slider_crank.lmo")
+    dae = compiled("classic/slider_crank")
     first, second = dae.simulate(points=11), dae.simulate(points=11)
     assert np.array_equal(first["x_slider"], second["x_slider"])
     assert first.stats["evaluations"] == second.stats["evaluations"]
@@ -218,6 +218,6 @@ def test_springs_without_stiffness_at_rest_are_no_such_place():
 
 def test_a_prescribed_motion_that_turns_round_is_no_jump():
     """Where a step spans its turning point, velocities leave more unexplained within than in all."""
-    dae = lmoc.compile(ROOT / "models/classic/car_axis.lmo")
+    dae = compiled("classic/car_axis")
     run = dae.simulate(rtol=1e-8)
     assert not {"N0632", "N0633"} & {n.code for n in run.notes} and len(run.coordinates) == 1

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from conftest import ROOT
+from oracles.models import compiled
 
 import lmoc
 from lmoc.numerics.options.options import SOLVERS
@@ -86,7 +87,7 @@ def test_a_scene_at_rest_is_run_once(monkeypatch):
 @pytest.mark.parametrize("scene", ["ex05_suspension", "ex10_lever_and_mass"])
 def test_an_equilibrium_is_kept_without_following_its_rounding(scene, rtol):
     """The forces on a body at rest cancel up to rounding, and all velocities are of that size."""
-    dae = lmoc.compile(ROOT / f"models/notes/{scene}.lmo")
+    dae = compiled(f"notes/{scene}")
     run = dae.simulate(initial="equilibrium", inputs=dict.fromkeys(dae.inputs, 0.0), rtol=rtol)
     assert int(run.stats["steps"]) < 2000
     assert all(np.ptp(run[name]) < 1e-9 for name in dae.states)

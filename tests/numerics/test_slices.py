@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.models import compiled
 
 import lmoc
 from lmoc.ir.program import Solve, walk
@@ -42,7 +43,7 @@ def test_what_is_read_can_be_changed():
 
 def test_a_block_that_the_motion_needs_is_not_looked_at_again():
     """Where it had no solution the run would have stopped; one beside the motion is."""
-    pendulum = lmoc.compile(MODELS / "planar" / "double_pendulum.lmo")
+    pendulum = compiled("planar/double_pendulum")
     for dae, watched in ((pendulum, False), (lmoc.compile_text(BESIDE), True)):
         found = moving_risks(dae.simulate(points=11).trajectory.segments[0].observer.plan)
         unknowns = [step.unknowns.ravel() for step in walk(found.program) if isinstance(step, Solve)]
@@ -51,7 +52,7 @@ def test_a_block_that_the_motion_needs_is_not_looked_at_again():
 
 def test_variables_behind_closed_loops_do_not_depend_on_the_order_in_which_they_are_read():
     """The solutions of loops that one variable needs are kept for the next one."""
-    dae = lmoc.compile(MODELS / "classic" / "andrews.lmo")
+    dae = compiled("classic/andrews")
     names = ["Theta", "gamma", "phi", "delta", "Omega", "epsilon"]
     forwards, backwards, alone = (dae.simulate(points=201) for _ in range(3))
     one = {name: forwards[name] for name in names}

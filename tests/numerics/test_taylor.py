@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import ROOT
+from oracles.models import compiled
 
 import lmoc
 from lmoc.engine.compiler import find_compiler
@@ -74,7 +75,7 @@ def test_an_equilibrium_takes_one_step():
                         ("planar/double_pendulum", 2.0), ("planar/chain", 1.0), ("hard/h08_turning_lever", 1.0)],
 )  # fmt: skip
 def test_scenes_with_blocks(model, stop):
-    dae = lmoc.compile(ROOT / f"models/{model}.lmo")
+    dae = compiled(model)
     run, reference = both(dae, stop=stop, points=11, rtol=1e-10)
     for name in dae.states:
         size = np.abs(reference[name]).max()
@@ -137,6 +138,6 @@ def test_output_within_one_step_that_there_is_no_room_for_at_once(solver, room, 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-4, 1e-5, 1e-6, 1e-8])
 def test_a_step_does_not_lead_from_one_side_of_a_turn_to_the_mirrored_one(rtol):
     """Where y is the coordinate a long step over the top comes down again with x on the side where it went up."""
-    dae = lmoc.compile(ROOT / "models/hard/h01_cartesian_pendulum.lmo")
+    dae = compiled("hard/h01_cartesian_pendulum")
     run, reference = both(dae, rtol=rtol)
     assert np.abs(run["x"] - reference["x"]).max() < 30 * rtol

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from oracles.models import compiled
 
 import lmoc
 from lmoc.ir.flat import Kind
@@ -23,7 +23,7 @@ def one_by_one(self, base, signals, solved):
 @pytest.mark.parametrize("points", [3, 40, 400])
 @pytest.mark.parametrize("scene", ["classic/andrews", "classic/car_axis", "planar/four_bar", "planar/slider_crank"])
 def test_variables_are_those_that_are_followed(scene, points, monkeypatch):
-    dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
+    dae = compiled(scene)
     variables = np.flatnonzero(dae.flat.kind >= Kind.INPUT)
     run = dae.simulate(points=points, rtol=1e-7)
     tried: list[float] = []
@@ -62,7 +62,7 @@ def test_guesses_that_lead_elsewhere_do_not_count():
 
 @pytest.mark.parametrize("scene", ["classic/andrews", "planar/four_bar", "planar/pendulum_cartesian"])
 def test_solutions_by_the_engine_are_those_of_numpy(scene, monkeypatch):
-    run = lmoc.compile(ROOT / f"models/{scene}.lmo").simulate(rtol=1e-8, points=101)
+    run = compiled(scene).simulate(rtol=1e-8, points=101)
     variables, called = np.arange(len(run.flat.kind)), []
     solve = Observed.__call__
 

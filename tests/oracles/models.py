@@ -1,4 +1,25 @@
-"""Equations that models of several tests share."""
+"""Scenes of `models/` compiled once for all tests of a process, and equations that models of several tests share."""
+
+import os
+from functools import cache
+from pathlib import Path
+
+import lmoc
+
+MODELS = Path(__file__).parents[2] / "models"
+
+
+def compiled(name: str | Path, **parameters: float) -> lmoc.DAE:
+    """A scene of `models/`, by its file or as in "planar/four_bar", for tests that change nothing about it."""
+    path = Path(name) if isinstance(name, Path) else MODELS / f"{name}.lmo"
+    return _compiled(path, tuple(parameters.items()), os.environ.get("LMOC_CHECK", ""))
+
+
+@cache
+def _compiled(path: Path, parameters: tuple[tuple[str, float], ...], checked: str) -> lmoc.DAE:
+    """Also by whether its stages are checked, which not all tests ask for."""
+    return lmoc.compile(path, parameters=dict(parameters))
+
 
 CONNECTED_SLIDER_CRANK = """\
   connect(ground.frame, main.a);

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from conftest import ROOT, SPRING
+from conftest import SPRING
+from oracles.models import compiled
 from test_dae import CHAIN
 
 import lmoc
@@ -345,7 +346,7 @@ def test_every_name_can_be_saved(tmp_path, ending):
 
 @pytest.mark.parametrize("scene", ["s3_1_cubic_spring", "s3_2_spring_left_of_mass", "ex08_cable_around_cylinder"])
 def test_the_energy_balance_does_not_depend_on_what_is_kept(scene):
-    dae = lmoc.compile(ROOT / f"models/notes/{scene}.lmo")
+    dae = compiled(f"notes/{scene}")
     whole, kept = dae.simulate(), dae.simulate(keep=[dae.states[0]])
     assert kept.energy.exchanged == pytest.approx(whole.energy.exchanged)
     assert kept.energy.balance == pytest.approx(whole.energy.balance)

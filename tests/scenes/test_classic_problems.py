@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from conftest import ROOT
+from oracles import models
 
 import lmoc
 
@@ -12,7 +13,7 @@ PROBLEMS = json.loads((ROOT / "tests/data/classic.json").read_text())
 
 
 def compiled(name: str) -> lmoc.DAE:
-    return lmoc.compile(ROOT / "models/classic" / f"{name}.lmo")
+    return models.compiled(f"classic/{name}")
 
 
 def assert_reference(run, truth: dict, accuracy: float) -> None:

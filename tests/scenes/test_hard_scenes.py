@@ -1,11 +1,11 @@
 """Scenes that are hard for one reason or another, against reference trajectories derived without this compiler."""
 
 import json
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import models
 
 import lmoc
 
@@ -25,9 +25,8 @@ ACCURATE = {
 STARTS = [name for name in SCENES if name != "H32"]
 
 
-@cache
 def compiled(name: str) -> lmoc.DAE:
-    return lmoc.compile(ROOT / "models/hard" / SCENES[name]["file"])
+    return models.compiled(ROOT / "models/hard" / SCENES[name]["file"])
 
 
 def assert_reference(run, reference: dict, accuracy: float = 1e-6) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.models import compiled
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -15,7 +16,7 @@ SLACK = next(s for s in json.loads((ROOT / "tests/data/laws.json").read_text()) 
 
 
 def run(name: str, **options) -> lmoc.Run:
-    return lmoc.compile(ROOT / "models" / f"{name}.lmo").simulate(**({"rtol": 1e-10} | options))
+    return compiled(name).simulate(**({"rtol": 1e-10} | options))
 
 
 def events(found: lmoc.Run, *kinds: str) -> list[tuple[str, str, float]]:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.models import compiled
 
 import lmoc
 
@@ -14,7 +15,7 @@ SCENES = {s["id"]: s for s in json.loads((ROOT / "tests/data/laws.json").read_te
 
 
 def run(name, **options):
-    return lmoc.compile(MODELS / f"{name}.lmo").simulate(**({"rtol": 1e-10} | options))
+    return compiled(MODELS / f"{name}.lmo").simulate(**({"rtol": 1e-10} | options))
 
 
 @pytest.mark.parametrize(

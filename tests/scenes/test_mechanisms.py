@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from conftest import ROOT
+from oracles import models
 from scipy.integrate import solve_ivp
 
 import lmoc
@@ -24,8 +25,8 @@ STATES = {
 }
 
 
-def compiled(name: str, **options) -> lmoc.DAE:
-    return lmoc.compile(ROOT / "models/planar" / f"{name}.lmo", **options)
+def compiled(name: str, **parameters) -> lmoc.DAE:
+    return models.compiled(f"planar/{name}", **parameters)
 
 
 def test_every_mechanism_is_looked_at():
@@ -42,7 +43,7 @@ def test_states_are_few_and_the_energy_is_balanced(name):
 
 @pytest.mark.parametrize("n", [1, 2, 3, 17, 300])
 def test_open_chain_ends_in_joint_coordinates(n):
-    dae = compiled("chain", parameters={"n": n})
+    dae = compiled("chain", n=n)
     pins = [f"pin[{i}]" for i in range(1, n + 1)]
     assert sorted(dae.states) == sorted([f"{p}.phi" for p in pins] + [f"{p}.omega" for p in pins])
 
@@ -91,7 +92,7 @@ def test_crane_follows_the_force():
 
 def test_andrews_from_parts_is_andrews_from_equations():
     parts = compiled("andrews").simulate(rtol=1e-9, points=16)
-    written = lmoc.compile(ROOT / "models/classic/andrews.lmo").simulate(rtol=1e-9, points=16)
+    written = models.compiled("classic/andrews").simulate(rtol=1e-9, points=16)
     for angle in ("beta", "Theta", "gamma", "phi", "delta", "Omega", "epsilon"):
         assert np.allclose(parts[angle], written[angle], rtol=0, atol=1e-5), angle
 

@@ -1,11 +1,11 @@
 """The systems of the lecture notes against reference trajectories derived without this compiler."""
 
 import json
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles import models
 
 import lmoc
 
@@ -20,9 +20,8 @@ SOLVERS = {
 every_system = pytest.mark.parametrize("name", NOTES)
 
 
-@cache
 def compiled(name: str) -> lmoc.DAE:
-    return lmoc.compile(ROOT / "models/notes" / NOTES[name]["file"])
+    return models.compiled(ROOT / "models/notes" / NOTES[name]["file"])
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

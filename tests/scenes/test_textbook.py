@@ -1,12 +1,12 @@
 """The scenes of ``models/textbook``, each with its answer by hand or by an integration of equations written by hand."""
 
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from conftest import ROOT
 from numpy import arcsin, arctan, cos, exp, hypot, pi, sin, sqrt, tan, tanh
+from oracles import models
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
@@ -17,9 +17,8 @@ G = 9.81
 MODELS = ROOT / "models/textbook"
 
 
-@cache
 def compiled(name: str) -> lmoc.DAE:
-    return lmoc.compile(MODELS / f"{name}.lmo")
+    return models.compiled(f"textbook/{name}")
 
 
 def run(name: str, balance: float = 1e-6, rtol: float = 1e-9, **options) -> lmoc.Run:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from oracles.models import compiled
 from scipy.integrate import solve_ivp
 
 import lmoc
@@ -51,7 +51,7 @@ def test_the_same_rod_twice():
 
 
 def test_a_platform_on_three_parallel_cranks():
-    run = lmoc.compile(ROOT / "models/planar/three_cranks.lmo").simulate(stop=1, points=11, rtol=1e-9)
+    run = compiled("planar/three_cranks").simulate(stop=1, points=11, rtol=1e-9)
     angle, _ = pendulum(0.4, -1.2, 0.0, run.time)
     for crank in ("foot1.phi", "foot2.phi", "foot3.phi"):
         assert run[crank] == pytest.approx(angle, abs=1e-7)

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 from conftest import ROOT
-from oracles.models import STIFF
+from oracles.models import STIFF, compiled
 
 import lmoc
 from lmoc.cli.chart import tolerances
@@ -344,5 +344,5 @@ def test_a_span_that_is_none_is_told(wrong):
 
 def test_the_equations_that_switch_laws_are_no_constraints():
     """They hold what decides between open and closed, which is not computed for a mode that is known."""
-    run = lmoc.compile(ROOT / "models" / "laws" / "h06_bungee.lmo").simulate()
+    run = compiled(ROOT / "models" / "laws" / "h06_bungee.lmo").simulate()
     assert len(run.modes) > 2 and constraint_residual(run) < 1e-12

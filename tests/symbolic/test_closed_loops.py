@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import ROOT
+from oracles.models import compiled
 
 import lmoc
 from lmoc.symbolic.system import jet_symbol
@@ -14,7 +14,7 @@ MULTIPLIERS = [sp.Symbol(n) for n in ("lambda", "lambda1", "lambda2")]
 @pytest.mark.parametrize("scene", ["planar/slider_crank", "planar/four_bar", "hard/h04_slider_crank"])
 def test_equations_with_closures_hold_along_a_motion(scene):
     """With the multipliers that suit best, at positions, velocities and accelerations of a run."""
-    dae = lmoc.compile(ROOT / f"models/{scene}.lmo")
+    dae = compiled(scene)
     found = dae.equations()
     run = dae.simulate(stop=0.5, points=3, rtol=1e-10, formulation="index1")
     parameters = {sp.Symbol(n): v for n, v in dae.parameters.items()}
@@ -37,7 +37,7 @@ def test_equations_with_closures_hold_along_a_motion(scene):
 
 
 def test_the_nearly_parallel_four_bar_reads_as_in_a_textbook():
-    found = lmoc.compile(ROOT / "models/hard/h03_four_bar.lmo").equations()
+    found = compiled("hard/h03_four_bar").equations()
     assert found.lines()[0] == "J_crank·θ̈ - rx_A·sin(θ)·λ1 - rx_A·cos(θ)·λ2 = 0"
     assert found.closure_lines()[1] == "L·sin(φ_coupler) + rx_A·sin(θ) - rx_B·sin(φ) = 0"
     assert "closures of the loops:" in found.text()
@@ -47,8 +47,8 @@ def test_the_nearly_parallel_four_bar_reads_as_in_a_textbook():
 
 def test_closed_loops_have_no_equations_in_deviations():
     with pytest.raises(lmoc.ModelError, match="E0660"):
-        lmoc.compile(ROOT / "models/hard/h03_four_bar.lmo").equations().about({})
+        compiled("hard/h03_four_bar").equations().about({})
 
 
 def test_trees_stay_in_minimal_coordinates():
-    assert lmoc.compile(ROOT / "models/planar/double_pendulum.lmo").equations().closures == ()
+    assert compiled("planar/double_pendulum").equations().closures == ()

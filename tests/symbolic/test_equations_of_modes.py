@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
-from conftest import ROOT
+from oracles.models import compiled
 from oracles.two_bobs import TWO_BOBS
 
 import lmoc
@@ -27,7 +27,7 @@ def same(a: sp.Expr, text: str) -> bool:
 
 
 def test_a_string_between_two_masses():
-    found = lmoc.compile(MODELS / "h06_bungee.lmo").equations()
+    found = compiled(MODELS / "h06_bungee.lmo").equations()
     assert [dict(m.mode) for m in found.modes] == [{"string": "slack"}, {"string": "taut"}]
     assert found.modes[0].since == 0.0 and found.modes[1].since == pytest.approx(0.319275428407, rel=1e-9)
     upper, lower = residuals(found, 0)
@@ -40,7 +40,7 @@ def test_a_string_between_two_masses():
 
 
 def test_friction_sticks_and_slips():
-    found = lmoc.compile(MODELS / "h16_stick_slip.lmo").equations()
+    found = compiled(MODELS / "h16_stick_slip.lmo").equations()
     assert [m.title for m in found.modes] == ["friction stick, from t = 0 s", "friction slip, from t = 0.4 s"]
     assert same(residuals(found, 0)[0], "dermass_q - Rational(1, 5)")
     slip = "mass_m*derdermass_q + friction_F*sign(dermass_q - Rational(1, 5)) + spring_k*mass_q"
@@ -74,7 +74,7 @@ def test_many_modes_are_counted():
 
 
 def test_deviations_from_the_equilibrium_in_its_mode():
-    dae = lmoc.compile(MODELS / "h06_bungee.lmo")
+    dae = compiled(MODELS / "h06_bungee.lmo")
     about = dae.equations().about(dae.equilibria()[0])
     assert about.lines() == ["(m_lower + m_upper)·δq̈1 + k·δq1 = 0"]
 
@@ -92,7 +92,7 @@ def test_every_form_is_printed(form, capsys):
 
 
 def test_taut_strings_in_the_plane_read_as_in_a_textbook():
-    found = lmoc.compile(ROOT / "models/laws/slack_pendulum.lmo").equations()
+    found = compiled("laws/slack_pendulum").equations()
     taut, slack = (m.equations for m in found.modes)
     assert taut.lines() == ["L·m·ẍ + f·x = 0", "L·m·ÿ + f·y = -L·g·m"]
     assert taut.closure_lines() == ["x² + y² - L² = 0"]
@@ -123,11 +123,11 @@ def test_equations_of_two_strings_hold_along_the_motion_with_their_tensions():
 
 
 def test_elastic_strings_read_in_the_coordinate_of_the_mass():
-    found = lmoc.compile(ROOT / "models/laws/elastic_string.lmo").equations()
+    found = compiled("laws/elastic_string").equations()
     assert found.coordinates == ("mass.q",)
     assert "if q - d0 > 0 and k·q - d0·k > 0; 0 otherwise}" in found.lines()[0]
 
 
 def test_equal_rates_of_a_locked_clutch_are_written_as_a_difference():
-    (_, locked) = lmoc.compile(ROOT / "models/laws/clutch_lock.lmo").equations().modes
+    (_, locked) = compiled("laws/clutch_lock").equations().modes
     assert locked.equations.lines()[1] == "θ̇_load - θ̇_driver = 0"

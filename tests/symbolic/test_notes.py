@@ -4,6 +4,7 @@ from functools import cache
 
 import pytest
 import sympy as sp
+from oracles import models
 from oracles.symbolic_truth import NOTES, ROOT, TRUTH, by_hand, equal, matrix, names_of, read
 
 import lmoc
@@ -16,9 +17,8 @@ every_system = pytest.mark.parametrize("name", TRUTH)
 every_linear = pytest.mark.parametrize("name", LINEAR)
 
 
-@cache
 def compiled(name: str) -> lmoc.DAE:
-    return lmoc.compile(ROOT / "models/notes" / NOTES[name]["file"])
+    return models.compiled(ROOT / "models/notes" / NOTES[name]["file"])
 
 
 @cache

@@ -1,11 +1,11 @@
 """Linear models in numbers: against finite differences and against the symbolic ones, on all small models."""
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy as sp
+from oracles.models import compiled
 from oracles.symbolic_truth import IMPLICIT
 
 import lmoc
@@ -21,11 +21,6 @@ MODELS = sorted(f"{folder}/{p.stem}" for folder in ("notes", "hard") for p in (R
 MODELS = [name for name in MODELS if name not in WITH_LAWS]
 MOST_STATES = 12
 every_model = pytest.mark.parametrize("name", MODELS)
-
-
-@cache
-def compiled(name: str) -> lmoc.DAE:
-    return lmoc.compile(ROOT / f"models/{name}.lmo")
 
 
 def point_of(system: NumericSystem) -> dict[str, float]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from conftest import ROOT
+from oracles.models import compiled
 
 import lmoc
 
@@ -50,7 +51,7 @@ def lagrange(energy, potential, coordinates):
 
 def test_a_double_pendulum_against_lagrange():
     """The mass matrix and all forces at random points, from the energies written down by hand."""
-    dae = lmoc.compile(PLANAR / "double_pendulum.lmo")
+    dae = compiled(PLANAR / "double_pendulum.lmo")
     found = dae.equations()
     assert [q for q in found.coordinates] == ["shoulder.phi", "elbow.phi"]
     assert all(len(line) < 450 for line in found.lines())
@@ -76,7 +77,7 @@ def test_a_double_pendulum_against_lagrange():
 
 
 def test_a_cart_and_pole():
-    dae = lmoc.compile(PLANAR / "cart_pole.lmo")
+    dae = compiled(PLANAR / "cart_pole.lmo")
     assert dae.equations().lines()[0] == "(M + m)·ẍ - l·m·sin(φ)·φ̈/2 - l·m·cos(φ)·φ̇²/2 = F"
     rests = dae.equilibria(inputs={"F": 0})
     assert [e["pin.phi"] for e in rests] == [-sp.pi / 2, sp.pi / 2]
@@ -126,7 +127,7 @@ def test_the_potential_of_a_four_bar_is_stationary_at_rest():
 
 def test_a_platform_on_parallel_cranks_rests_where_all_closures_hold():
     """One closure follows from the others on this branch only: places of rest on other branches are none."""
-    dae = lmoc.compile(PLANAR / "three_cranks.lmo")
+    dae = compiled(PLANAR / "three_cranks.lmo")
     rests = dae.equilibria()
     assert sp.Integer(-1) * sp.pi / 2 in [e["foot1.phi"] for e in rests]
     for e in rests:
@@ -138,7 +139,7 @@ def test_a_platform_on_parallel_cranks_rests_where_all_closures_hold():
 
 def test_a_rolling_wheel_moves_with_its_axle():
     """Lagrange's equations in x and φ with θ̇ = −ẋ/r inserted in the energy: the same mass matrix, symmetric."""
-    found = lmoc.compile(PLANAR / "wheel_with_pendulum.lmo").equations()
+    found = compiled(PLANAR / "wheel_with_pendulum.lmo").equations()
     assert found.coordinates == ("wheel.x", "axle.phi", "wheel.theta") and found.lines()[2] == "ẋ + r·θ̇ = 0"
     assert all(len(line) < 200 for line in found.lines())
     names = "wheel.x axle.phi wheel.theta wheel.m wheel.J bar.m bar.l contact.r"
@@ -157,11 +158,11 @@ def test_a_rolling_wheel_moves_with_its_axle():
 
 def test_a_scissor_lift_has_one_state_of_rest_on_its_branch():
     """Beyond the position with both bars upright the search would go on another branch."""
-    (rest,) = lmoc.compile(PLANAR / "scissor_lift.lmo").equilibria()
+    (rest,) = compiled(PLANAR / "scissor_lift.lmo").equilibria()
     assert float(rest["hinge.phi"]) == pytest.approx(0.48322821, abs=1e-7)
     assert rest.stability == "unstable"  # the constant force of the cylinder gains on the load as it rises
 
 
 def test_a_mechanism_that_nothing_moves_rests_anywhere():
-    (rest,) = lmoc.compile(ROOT / "models/hard/h04_slider_crank.lmo").equilibria()
+    (rest,) = compiled("hard/h04_slider_crank").equilibria()
     assert [x.name for x in rest.free] == ["main.phi"]

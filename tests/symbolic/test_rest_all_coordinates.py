@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 from conftest import ROOT
+from oracles.models import compiled
 
 import lmoc
 
@@ -140,6 +141,6 @@ def test_a_parallelogram_of_rods_hangs_and_stands():
 
 def test_a_platform_on_three_cranks_hangs_and_stands():
     """With a redundant closure: states that it forbids are none."""
-    found = lmoc.compile(ROOT / "models/planar/three_cranks.lmo").equilibria()
+    found = compiled("planar/three_cranks").equilibria()
     assert [e["foot1.phi"] for e in found] == [-sp.pi / 2, sp.pi / 2]
     assert [squares(e)[0] for e in found] == pytest.approx([-G / 0.4, G / 0.4])

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from oracles.models import compiled
 from oracles.two_bobs import TWO_BOBS
 
 import lmoc
@@ -243,7 +243,7 @@ def test_strings_in_the_plane_hang_taut_though_the_scene_starts_slack():
 
 def test_a_pendulum_on_a_string_stands_on_its_head_nowhere():
     """Upside down its string would have to push; a rod does."""
-    string = lmoc.compile(ROOT / "models/laws/slack_pendulum.lmo").equilibria()
+    string = compiled("laws/slack_pendulum").equilibria()
     assert [float(e["bob.y"]) for e in string] == pytest.approx([-1.0])
 
 

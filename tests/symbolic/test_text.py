@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import pytest
 import sympy as sp
 from conftest import ROOT
+from oracles.models import compiled
 from oracles.symbolic_truth import IMPLICIT, equal
 
 import lmoc
@@ -32,8 +33,8 @@ every_scene = pytest.mark.parametrize("path", SCENES, ids=lambda p: p.stem)
 
 
 @cache
-def compiled(path):
-    return lmoc.compile(path)
+def derived(path):
+    return compiled(path).equations(forces=True)
 
 
 def read(text: str, notation: Notation) -> sp.Expr:
@@ -53,7 +54,7 @@ def read(text: str, notation: Notation) -> sp.Expr:
 
 @every_scene
 def test_equations_are_printed_as_derived(path):
-    found = compiled(path).equations(forces=True)
+    found = derived(path)
     for e, line in zip(found.equations, found.lines(ASCII), strict=True):
         left, right = line.split(" = ")
         assert equal(read(left, found.notation) - read(right, found.notation), e.residual)
@@ -64,7 +65,7 @@ def test_equations_are_printed_as_derived(path):
 
 @every_scene
 def test_pages_and_latex_are_whole(path):
-    found = compiled(path).equations(forces=True)
+    found = derived(path)
     page = found.html()
     ElementTree.fromstring(f"<div>{page}</div>")
     assert "<math" in page or not found.equations

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from oracles.models import compiled
 
 import lmoc
 from lmoc.messages.diagnostics import ModelError
@@ -60,7 +61,7 @@ DRAWN = {
 
 @cache
 def bodies(name: str) -> tuple[lmoc.DAE, FreeBodies]:
-    dae = lmoc.compile(NOTES / f"{name}.lmo")
+    dae = compiled(NOTES / f"{name}.lmo")
     prepared = dae.prepare()
     return dae, free_bodies(prepared.reduced, prepared.values, whole(prepared.flat, prepared.values))
 
@@ -129,7 +130,7 @@ def test_a_lever_is_a_bar_with_the_forces_of_the_notes_at_its_points():
 
 @pytest.mark.parametrize("file", ["notes/s9_lever_large_angles", "hard/h08_turning_lever", "notes/ex10_lever_and_mass"])
 def test_moments_of_the_forces_at_a_levers_points_are_its_torque(file):
-    dae = lmoc.compile(NOTES.parent / f"{file}.lmo")
+    dae = compiled(NOTES.parent / f"{file}.lmo")
     prepared = dae.prepare()
     graph = whole(prepared.flat, prepared.values)
     found = free_bodies(prepared.reduced, prepared.values, graph)
@@ -145,7 +146,7 @@ def test_moments_of_the_forces_at_a_levers_points_are_its_torque(file):
 
 def test_what_a_mass_owes_to_the_turning_of_its_lever_is_no_force():
     """``q = l·sin θ`` has an acceleration with ``θ̇²``: a part of ``m·q̈``, not of the forces."""
-    dae = lmoc.compile(NOTES.parent / "hard/h08_turning_lever.lmo")
+    dae = compiled(NOTES.parent / "hard/h08_turning_lever.lmo")
     prepared = dae.prepare()
     found = free_bodies(prepared.reduced, prepared.values, whole(prepared.flat, prepared.values))
     for name in ("mass1", "mass2"):
@@ -187,7 +188,7 @@ def test_arrows_are_to_scale_and_turn_round_with_the_sign():
 
 @pytest.mark.parametrize("file", ["h16_stick_slip", "h34_slack_string", "clutch_lock", "atwood_jerk", "h18_freewheel"])
 def test_forces_of_laws_stand_as_variables_of_the_scene(file):
-    dae = lmoc.compile(NOTES.parent / "laws" / f"{file}.lmo")
+    dae = compiled(NOTES.parent / "laws" / f"{file}.lmo")
     prepared = dae.prepare()
     found = free_bodies(prepared.reduced, prepared.values, shown(prepared.flat, prepared.values).graph)
     names = {base_of(s.name)[0] for b in found.balances for f in b.forces for s in f.label.free_symbols}
@@ -196,7 +197,7 @@ def test_forces_of_laws_stand_as_variables_of_the_scene(file):
 
 def test_forces_in_the_plane_have_their_size_and_direction():
     """A particle on a rod passes its lowest point: the rod pulls it up by m·g + m·v²/L."""
-    dae = lmoc.compile(NOTES.parent / "planar" / "pendulum_on_a_rod.lmo")
+    dae = compiled(NOTES.parent / "planar" / "pendulum_on_a_rod.lmo")
     run = dae.simulate(times=[0.0], energy=False)
     graph = shown(dae.flat, dae.values).graph
     plane = draw_plane(graph, Names(graph), lambda name: float(run[name][0]))
@@ -221,7 +222,7 @@ MOVING = {  # scene: an instant, s, and a difference of times that resolves its 
 @pytest.mark.parametrize("name", MOVING)
 def test_forces_and_moments_in_the_plane_add_up_to_what_accelerates_each_body(name):
     """ΣF is m times the second difference of the centre's place, and ΣM about it J times that of the angle."""
-    dae = lmoc.compile(NOTES.parent / f"{name}.lmo")
+    dae = compiled(NOTES.parent / f"{name}.lmo")
     t, h = MOVING[name]
     run = dae.simulate(times=[0, t - h, t, t + h], rtol=1e-11, energy=False)
     graph = shown(dae.flat, dae.values).graph
@@ -242,7 +243,7 @@ def test_forces_and_moments_in_the_plane_add_up_to_what_accelerates_each_body(na
 
 def test_what_acts_at_the_end_of_an_arm_is_drawn_there():
     """A pin in the middle of a bar, at the end of a rigid link, exerts no moment about the centre."""
-    picture = lmoc.compile(NOTES.parent / "planar" / "scissor_lift.lmo").draw(free_body=True).picture
+    picture = compiled(NOTES.parent / "planar" / "scissor_lift.lmo").draw(free_body=True).picture
     texts = [plain(s.text) for i in picture.items if i.symbol == "balance" for s in i.shapes if isinstance(s, Label)]
     assert "Jrising·α = r×Fhinge + r×Froller" in texts
     assert "Jplatform·α = r×Ftop + r×Ftrack + Mtrack" in texts
@@ -277,7 +278,7 @@ def test_a_formula_without_room_at_its_arrow_is_a_symbol():
 
 
 def test_bodies_beside_parts_that_are_left_out_feel_these_parts():
-    items = lmoc.compile(NOTES.parent / "laws" / "wagons.lmo").draw(free_body=True).picture.items
+    items = compiled(NOTES.parent / "laws" / "wagons.lmo").draw(free_body=True).picture.items
     texts = [plain(s.text) for i in items if i.symbol == "balance" for s in i.shapes if isinstance(s, Label)]
     assert texts[2] == "m3·q\u03083 = f2 − f3"
     assert texts[-2:] == ["m49·q\u030849 = f48 − f49", "m50·q\u030850 = f49"]
@@ -291,7 +292,7 @@ def test_the_balance_stands_below():
 
 
 def test_a_scene_without_bodies_is_refused():
-    dae = lmoc.compile(NOTES.parent / "planar" / "pendulum_cartesian.lmo")
+    dae = compiled(NOTES.parent / "planar" / "pendulum_cartesian.lmo")
     with pytest.raises(ModelError, match="has no bodies"):
         dae.draw(free_body=True)
     with pytest.raises(TypeError, match="free_body=True"):

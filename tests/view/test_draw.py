@@ -8,6 +8,7 @@ from xml.dom import minidom
 
 import numpy as np
 import pytest
+from oracles.models import compiled
 
 import lmoc
 from lmoc.cli.main import main
@@ -137,7 +138,7 @@ def test_an_assembly_with_a_look_hides_what_is_inside():
 
 @pytest.mark.parametrize(("file", "ratio"), [("ex09_gear_pair_with_load", 2.0), ("s8_gears", 5.0)])
 def test_gears_touch_and_their_radii_are_in_the_ratio(file, ratio):
-    found = lmoc.compile(MODELS / "notes" / f"{file}.lmo").draw().picture
+    found = compiled(MODELS / "notes" / f"{file}.lmo").draw().picture
     one, two = (i for i in found.items if i.symbol == "wheel")
     small, large = (next(s.radius for s in i.shapes if isinstance(s, Circle)) for i in (one, two))
     assert large / small == pytest.approx(ratio)
@@ -145,19 +146,19 @@ def test_gears_touch_and_their_radii_are_in_the_ratio(file, ratio):
 
 
 def test_gears_whose_angles_count_in_opposite_senses_are_drawn_so():
-    found = lmoc.compile(MODELS / "notes" / "s8_gears.lmo").draw().picture
+    found = compiled(MODELS / "notes" / "s8_gears.lmo").draw().picture
     assert [i.turn.factor for i in found.items if i.symbol == "wheel"] == [1, -1]
 
 
 def test_what_counts_upwards_is_above():
-    found = lmoc.compile(MODELS / "notes" / "ex05_suspension.lmo").draw().picture
+    found = compiled(MODELS / "notes" / "ex05_suspension.lmo").draw().picture
     assert of(found, "body").ends[0].y < of(found, "wheel").ends[0].y < of(found, "road").ends[0].y
     (move,) = of(found, "body").ends[0].moves
     assert (move.dx, move.dy, move.group) == (0.0, -1.0, "line") and move.variable == "body.flange.q"
 
 
 def test_mechanisms_of_the_plane_are_to_scale_and_move_with_their_variables():
-    dae = lmoc.compile(MODELS / "planar" / "slider_crank.lmo")
+    dae = compiled(MODELS / "planar" / "slider_crank.lmo")
     found = dae.draw().picture
     rod = of(found, "rod")
     (a, b), run = rod.ends, dae.simulate(points=7)
@@ -342,11 +343,11 @@ def test_an_unknown_ending_is_refused_before_any_work(tmp_path, capsys):
     assert main(["draw", "no_such_file.lmo", "-o", str(tmp_path / "scene.bmp")]) == 2
     assert "E0624" in capsys.readouterr().err
     with pytest.raises(ModelError, match="no folder"):
-        lmoc.compile(MODELS / "notes" / "s2_2_rotor.lmo").draw(tmp_path / "nowhere" / "scene.svg")
+        compiled(MODELS / "notes" / "s2_2_rotor.lmo").draw(tmp_path / "nowhere" / "scene.svg")
 
 
 def test_notebooks_show_the_picture():
-    drawing = lmoc.compile(MODELS / "notes" / "s2_2_rotor.lmo").draw()
+    drawing = compiled(MODELS / "notes" / "s2_2_rotor.lmo").draw()
     assert drawing._repr_svg_().startswith("<svg") and "items" in repr(drawing)
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.models import compiled
 
 import lmoc
 from lmoc.view.scene.mounted import LIFT, PINION
@@ -47,7 +48,7 @@ def test_a_belt_touches_both_pulleys_in_the_ratio_of_their_radii(crossed):
 
 
 def test_a_follower_is_as_far_from_its_cam_as_the_run_has_it():
-    dae = lmoc.compile(TEXTBOOK / "valve_train.lmo")
+    dae = compiled(TEXTBOOK / "valve_train.lmo")
     run, picture = dae.simulate(points=41), dae.draw().picture
     moving, scale = Moving(picture, run), LIFT / 0.008
     for k in range(len(run.time)):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracles.in_javascript import difference, in_engine, program, repeat
-from oracles.models import PARALLELOGRAM
+from oracles.models import PARALLELOGRAM, compiled
 from oracles.node import needs_node, run_script
 
 import lmoc
@@ -129,7 +129,7 @@ def test_kinks_tables_and_starts_on_dependent_variables():
 
 
 def test_a_start_that_was_given_is_held():
-    dae = lmoc.compile(MODELS / "notes" / "ex02_spring_mass_damper.lmo")
+    dae = compiled(MODELS / "notes" / "ex02_spring_mass_damper.lmo")
     states = [n for n in dae.states if not n.startswith("der") and n.endswith("q")]
     run = dae.simulate(stop=1, points=5, initial={states[0]: 0.123})
     script = write_script(run.trajectory, 1.0)
@@ -139,7 +139,7 @@ def test_a_start_that_was_given_is_held():
 
 
 def test_values_that_the_model_forbids_are_refused():
-    run = lmoc.compile(MODELS / "notes" / "ex02_spring_mass_damper.lmo").simulate(points=5)
+    run = compiled(MODELS / "notes" / "ex02_spring_mass_damper.lmo").simulate(points=5)
     script = write_script(run.trajectory, 1.0)
     mass = next(s for s in sliders(run.trajectory.observer, script.slots) if s.name.endswith("m"))
     (again,) = repeat([(run, script, [[mass.slot, -1.0]])])
@@ -150,7 +150,7 @@ def test_coordinates_change_as_in_python():
     """The same changes at the same times: the judge is the same, and so are the steps of the same method."""
     cases = []
     for file in ("planar/pendulum_cartesian", "hard/h01_cartesian_pendulum", "hard/h03_four_bar"):
-        dae = lmoc.compile(MODELS / f"{file}.lmo")
+        dae = compiled(MODELS / f"{file}.lmo")
         options = {"solver": "dop853", "formulation": "reduced"}
         run = dae.simulate(points=60, **options)
         assert len(run.coordinates) > 2
@@ -193,7 +193,7 @@ def test_a_page_stops_at_a_singular_position_where_a_run_stops():
 
 def test_coordinates_that_the_page_does_not_have(monkeypatch):
     """A pendulum in x and y passes the place where x no longer tells y, in a page that has x alone."""
-    run = lmoc.compile(MODELS / "hard" / "h01_cartesian_pendulum.lmo").simulate(points=60)
+    run = compiled(MODELS / "hard" / "h01_cartesian_pendulum.lmo").simulate(points=60)
     assert len(run.coordinates) > 2
     monkeypatch.setattr(script_module, "_other_choices", lambda trajectory: [])
     (again,) = repeat([(run, write_script(run.trajectory), [])])
@@ -225,7 +225,7 @@ def test_no_second_branch_without_a_word():
 
 
 def test_what_a_page_cannot_do_is_said():
-    dae = lmoc.compile(MODELS / "laws" / "h19_bouncing_ball.lmo")
+    dae = compiled(MODELS / "laws" / "h19_bouncing_ball.lmo")
     with pytest.raises(NotWritten, match="impulses"):
         write_script(dae.simulate(stop=0.5, points=20, solver="moreau", step=0.01).trajectory)
     first = dae.simulate(stop=1, points=20)
@@ -263,7 +263,7 @@ def test_the_functions_of_the_language():
 def test_stiff_scenes_take_few_steps():
     cases, truths = [], []
     for file in ("h28_prothero_robinson", "h28b_stiff_mount"):
-        dae = lmoc.compile(MODELS / "hard" / f"{file}.lmo")
+        dae = compiled(MODELS / "hard" / f"{file}.lmo")
         run = dae.simulate(points=30, rtol=1e-7)
         script = write_script(run.trajectory)
         k = next(s for s in sliders(run.trajectory.observer, script.slots) if s.name.endswith("k"))
@@ -276,7 +276,7 @@ def test_stiff_scenes_take_few_steps():
 
 def test_start_values_that_contradict_each_other_with_other_parameters():
     """Python finds the nearest start then, by least squares; the page says that it does not."""
-    dae = lmoc.compile(MODELS / "classic" / "car_axis.lmo")
+    dae = compiled(MODELS / "classic" / "car_axis.lmo")
     run = dae.simulate(points=5)
     script = write_script(run.trajectory)
     length = next(s for s in sliders(run.trajectory.observer, script.slots) if s.name == "L")

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracles.in_javascript import difference, repeat
+from oracles.models import compiled
 from oracles.node import needs_node
 
 import lmoc
@@ -75,12 +76,12 @@ def test_what_an_event_moves_on_is_not_thrown():
 
 
 def test_a_small_tolerance_where_rounding_decides_about_the_steps():
-    judge(repeated([(lmoc.compile(MODELS / "laws" / "bungee_jump.lmo"), {})], rtol=1e-9, points=60))
+    judge(repeated([(compiled(MODELS / "laws" / "bungee_jump.lmo"), {})], rtol=1e-9, points=60))
 
 
 def test_a_step_that_makes_velocities_jump_is_not_computed():
     with pytest.raises(NotWritten, match="makes velocities jump"):
-        write_script(lmoc.compile(MODELS / "laws" / "h20_road_step.lmo").simulate().trajectory)
+        write_script(compiled(MODELS / "laws" / "h20_road_step.lmo").simulate().trajectory)
 
 
 BOUNCE = """
@@ -253,7 +254,7 @@ def test_assertions_and_contradictions_end_a_run_with_their_reason():
 @pytest.mark.parametrize("name, stop", [("engine", 0.5), ("valve_train", 0.05)])
 def test_textbook_scenes(name, stop):
     """An engine's relation needs no position of its rod: looked at, it put the last solution at another place."""
-    run = lmoc.compile(MODELS / "textbook" / f"{name}.lmo").simulate(stop=stop)
+    run = compiled(MODELS / "textbook" / f"{name}.lmo").simulate(stop=stop)
     (again,) = repeat([(run, write_script(run.trajectory), [])])
     assert again.complete, again.reason
     assert [e["kind"] for e in again.events] == [e.kind for e in run.events]

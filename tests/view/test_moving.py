@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.models import compiled
 
-import lmoc
 from lmoc.cli.main import main
 from lmoc.view.scene.moving import Moving
 from lmoc.view.scene.picture import Label, Picture
@@ -31,7 +31,7 @@ def texts(picture: Picture) -> list[str]:
 
 
 def test_a_mechanism_is_where_the_run_has_it():
-    dae = lmoc.compile(MODELS / "planar" / "four_bar.lmo")
+    dae = compiled(MODELS / "planar" / "four_bar.lmo")
     run = dae.simulate(points=31)
     picture = dae.draw().picture
     moving = Moving(picture, run)
@@ -46,7 +46,7 @@ def test_a_mechanism_is_where_the_run_has_it():
 
 
 def test_in_a_schematic_the_largest_excursion_takes_the_room():
-    dae = lmoc.compile(MODELS / "notes" / "ex05_suspension.lmo")
+    dae = compiled(MODELS / "notes" / "ex05_suspension.lmo")
     run = dae.simulate(points=51)
     picture = dae.draw().picture
     moving = Moving(picture, run)
@@ -63,8 +63,8 @@ def test_a_strip_has_the_instants_asked_for(tmp_path):
     assert main(["draw", str(CRANK), "--frames", "5", "-o", str(path), "--quiet"]) == 0
     text = path.read_text()
     assert text.count("t = ") == 5 and text.count('data-part="crank"') >= 5
-    run = lmoc.compile(CRANK).simulate(points=9)
-    picture = lmoc.compile(CRANK).draw(frames=3, run=run).picture
+    run = compiled(CRANK).simulate(points=9)
+    picture = compiled(CRANK).draw(frames=3, run=run).picture
     assert [t for t in texts(picture) if t.startswith("t = ")] == [f"t = {run.time[k]:.4g} s" for k in (0, 4, 8)]
 
 
@@ -117,7 +117,7 @@ def test_what_ffmpeg_says_is_told(tmp_path, monkeypatch, capsys):
 
 
 def test_dimension_lines_are_as_long_as_what_they_measure():
-    dae = lmoc.compile(MODELS / "planar" / "four_bar.lmo")
+    dae = compiled(MODELS / "planar" / "four_bar.lmo")
     assert not [i for i in dae.draw().picture.items if i.symbol == "dimension"]
     picture = dae.draw(dimensions=True).picture
     lines = {i.part: i for i in picture.items if i.symbol == "dimension"}
@@ -129,7 +129,7 @@ def test_dimension_lines_are_as_long_as_what_they_measure():
 
 
 def test_lever_arms_have_dimensions():
-    picture = lmoc.compile(MODELS / "notes" / "s9_lever_small_angles.lmo").draw(dimensions=True).picture
+    picture = compiled(MODELS / "notes" / "s9_lever_small_angles.lmo").draw(dimensions=True).picture
     lines = [i for i in picture.items if i.symbol == "dimension"]
     said = [plain(s.text) for i in lines for s in i.shapes if isinstance(s, Label)]
     assert len(said) == 2 and all(t.startswith("l") and t.endswith(" m") for t in said)

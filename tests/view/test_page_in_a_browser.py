@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracles.browser import needs_browser, open_page
+from oracles.models import compiled
 
 import lmoc
 from lmoc.view.page.contents import contents
@@ -26,7 +27,7 @@ FACTS = """
 
 @pytest.fixture(scope="module")
 def suspension():
-    dae = lmoc.compile(MODELS / "notes" / "ex05_suspension.lmo")
+    dae = compiled(MODELS / "notes" / "ex05_suspension.lmo")
     return dae, dae.simulate().view().html
 
 
@@ -99,7 +100,7 @@ def test_a_slider_changes_the_curve_to_what_python_gives(suspension):
 
 def test_the_ledger_is_measured_by_the_energy_that_swings():
     """What a pendulum stores does not change: measured by that, the error of its balance would be about 1."""
-    html = lmoc.compile(MODELS / "planar" / "pendulum.lmo").simulate().view().html
+    html = compiled(MODELS / "planar" / "pendulum.lmo").simulate().view().html
     seen = open_page(html, FACTS + """
       const entry = document.querySelector(".slider input[type=number]");
       entry.value = String(1.2 * Number(entry.value)); entry.dispatchEvent(new Event("change")); await idle();
@@ -191,7 +192,7 @@ def test_what_is_dragged_is_where_the_run_begins_and_python_gives_the_same(suspe
 
 def test_constraints_hold_while_a_mechanism_is_dragged():
     """The crank of a four-bar is taken along: the loop stays closed, and what is pulled out of reach stays in reach."""
-    dae = lmoc.compile(MODELS / "hard" / "h03_four_bar.lmo")
+    dae = compiled(MODELS / "hard" / "h03_four_bar.lmo")
     seen = open_page(dae.simulate(points=50).view().html, FACTS + DRAG + """
       const gone = await drag("#stage .link path", 12, 9, [0.9, 0.2]);
       const begun = init();
@@ -274,7 +275,7 @@ def test_a_mass_on_a_string_is_dragged_no_farther_than_the_string_is_long():
 
 def test_a_cam_that_is_turned_lifts_its_follower_and_what_cannot_move_is_told():
     """The follower is pushed along a curve, and stays up where the cam turns back; what is prescribed stays so."""
-    dae = lmoc.compile(MODELS / "textbook" / "valve_train.lmo")
+    dae = compiled(MODELS / "textbook" / "valve_train.lmo")
     seen = open_page(dae.simulate().view().html, FACTS + DRAG + """
       await drag("#stage .cam path", 40, 12, [0.5, 0.95]);
       const begun = init(), trouble = $("trouble").textContent;
@@ -297,7 +298,7 @@ def test_a_cam_that_is_turned_lifts_its_follower_and_what_cannot_move_is_told():
 
 
 def test_events_are_walked_through_and_a_part_shows_its_equation():
-    run = lmoc.compile(MODELS / "laws" / "h06_bungee.lmo").simulate()
+    run = compiled(MODELS / "laws" / "h06_bungee.lmo").simulate()
     seen = open_page(run.view().html, FACTS + """
       const told = [];
       for (let k = 0; k < 2; k++) {
@@ -428,7 +429,7 @@ def test_sliders_that_the_model_asks_for_come_first_with_their_range():
 
 @pytest.mark.parametrize("file", ["planar/slider_crank", "laws/h06_bungee", "notes/s3_1_cubic_spring"])
 def test_other_scenes_move_without_a_complaint(file):
-    html = lmoc.compile(MODELS / f"{file}.lmo").simulate(solver="dop853").view().html  # the page's own method
+    html = compiled(MODELS / f"{file}.lmo").simulate(solver="dop853").view().html  # the page's own method
     seen = open_page(html, FACTS + """
       const still = paths();
       $("time").value = String(0.37 * Number($("time").max)); $("time").dispatchEvent(new Event("input"));
@@ -440,7 +441,7 @@ def test_other_scenes_move_without_a_complaint(file):
 
 
 def test_a_slider_changes_the_events():
-    dae = lmoc.compile(MODELS / "laws" / "h34_slack_string.lmo")
+    dae = compiled(MODELS / "laws" / "h34_slack_string.lmo")
     seen = open_page(dae.view().html, FACTS + """
       const slider = [...document.querySelectorAll(".slider")].find((r) => r.dataset.name === "mass.m");
       const entry = slider.querySelector("input[type=number]");
@@ -461,7 +462,7 @@ def test_a_slider_changes_the_events():
 
 
 def test_shafts_seen_from_the_side_turn():
-    html = lmoc.compile(MODELS / "notes" / "ex07_two_inertias.lmo").view().html
+    html = compiled(MODELS / "notes" / "ex07_two_inertias.lmo").view().html
     seen = open_page(html, FACTS + """
       const marks = () => [...document.querySelectorAll("#stage .disk path.accent")].map((p) => p.getAttribute("d"));
       const before = marks();
@@ -473,7 +474,7 @@ def test_shafts_seen_from_the_side_turn():
 
 
 def test_modes_of_a_linear_scene_move():
-    dae = lmoc.compile(MODELS / "notes" / "ex03_two_masses.lmo")
+    dae = compiled(MODELS / "notes" / "ex03_two_masses.lmo")
     run = dae.simulate()
     html = run.view().html
     seen = open_page(html, FACTS + """
@@ -496,13 +497,13 @@ def test_modes_of_a_linear_scene_move():
 
 def test_scenes_that_are_not_linear_have_no_modes():
     for file in ("planar/double_pendulum", "laws/h06_bungee", "notes/s3_1_cubic_spring"):
-        run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=20)
+        run = compiled(MODELS / f"{file}.lmo").simulate(points=20)
         assert contents(run, "scene").data["swinging"]["modes"] == []
 
 
 def test_the_picture_leaves_room_for_the_motion_and_strings_hang_while_they_are_slack():
     """A ball on a string starts below its pivot, flies above it with a slack string, and is caught again."""
-    html = lmoc.compile(MODELS / "laws" / "h07_ball_on_string.lmo").simulate().view().html
+    html = compiled(MODELS / "laws" / "h07_ball_on_string.lmo").simulate().view().html
     seen = open_page(html, FACTS + """
       const svg = document.querySelector("#stage svg"), box = svg.getBoundingClientRect();
       const rope = () => document.querySelector("#stage .string path").getAttribute("d");
@@ -522,7 +523,7 @@ def test_the_picture_leaves_room_for_the_motion_and_strings_hang_while_they_are_
 
 
 def test_the_end_of_a_rope_stays_on_the_mass_that_it_is_tied_to():
-    html = lmoc.compile(MODELS / "laws" / "h34_slack_string.lmo").simulate().view().html
+    html = compiled(MODELS / "laws" / "h34_slack_string.lmo").simulate().view().html
     seen = open_page(html, FACTS + """
       const apart = [];
       for (let k = 0; k <= 30; k++) {

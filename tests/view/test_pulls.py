@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracles.in_javascript import in_engine
+from oracles.models import compiled
 from oracles.node import needs_node, run_script
 from oracles.pulls import pulled_everywhere
 from scipy.integrate import solve_ivp
@@ -99,7 +100,7 @@ UNHELD += ["hard/h12_rods_and_springs"]  # its start is open, and was guessed an
 
 @pytest.mark.parametrize("file", UNHELD)
 def test_hands_change_nothing_while_they_hold_nothing(file):
-    run = lmoc.compile(MODELS / f"{file}.lmo").simulate(points=50)
+    run = compiled(MODELS / f"{file}.lmo").simulate(points=50)
     held, hands, _ = run_with_hands(run, movers(drawn(run, [])))
     assert hands and held.states == run.states and len(held.events) == len(run.events)
     for name in run.states:
@@ -194,7 +195,7 @@ SERIES, GEARS = "notes/s7_1_springs_in_series", "notes/s8_gears"
 
 @cache
 def pulled(file):
-    run = lmoc.compile(MODELS / f"{file}.lmo").simulate(rtol=1e-9, points=31)
+    run = compiled(MODELS / f"{file}.lmo").simulate(rtol=1e-9, points=31)
     return run, pulled_everywhere(run)
 
 
@@ -256,7 +257,7 @@ def test_a_page_says_from_when_on_a_chaotic_run_is_not_to_be_relied_on():
 @needs_node
 def test_a_slider_at_the_dead_centre_of_its_crank_is_not_pulled():
     """Its derivative by the crank is rounding there: the hand would be 10²⁷ N/m stiff, and the steps would collapse."""
-    dae = lmoc.compile(MODELS / "planar" / "slider_crank.lmo")
+    dae = compiled(MODELS / "planar" / "slider_crank.lmo")
     found = pulled_everywhere(dae.simulate(stop=0.1, points=5, initial={"main.phi": 1e-13}))
     stiffness = {one.hand: one.stiffness for one in found}
     assert stiffness["piston.frame"] == stiffness["cylinder.flange"] == 0 < stiffness["arm.b"] < 1e4
