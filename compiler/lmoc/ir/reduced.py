@@ -135,7 +135,7 @@ class StartGuess:
     states : (n,) values of the states
     unknowns, values : registers of unknowns of nonlinear blocks, and their values
     closed : whether the constraints hold there
-    tied, nearest : flat variables that they contain, and their values there
+    tied, nearest : flat variables that they contain, and their values there, NaN where others may be nearer
     ways : for each loop that can be put together in several ways: flat variables (m,) that tell them apart, and their
         values (k, m) in each, in those taken first
     failures : why the constraints cannot hold anywhere, where that is certain

@@ -50,7 +50,8 @@ def _reachable(targets: Targets, closed: StartGuess | None) -> np.ndarray:
         at = np.searchsorted(closed.tied, targets.variable, sorter=order)
         at = order[np.minimum(at, len(order) - 1)] if len(order) else at
         own = np.isin(targets.variable, closed.tied) & ~targets.hard
-        value[own] = closed.nearest[at[own]]
+        nearest = closed.nearest[at[own]]
+        value[own] = np.where(np.isnan(nearest), value[own], nearest)
     return value
 
 

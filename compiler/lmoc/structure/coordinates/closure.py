@@ -39,6 +39,8 @@ class StartPoint:
     sample : Sample
     closed : whether the constraints hold there
     jets : positions in the flattened sample of what they contain
+    nearest : those of them that are nearest to what is wished for, among all places that have been found; very many
+        that hang together are near by the steps that have led there, each of which moves what is given a little
     loose : whether some of that may move though what is fixed and given stays
     ways : as in `StartGuess`
     moved : fixed flat variables without which no way was found to close their loops, with values that do
@@ -47,6 +49,7 @@ class StartPoint:
     sample: Sample
     closed: bool
     jets: np.ndarray
+    nearest: np.ndarray
     loose: bool = False
     ways: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
     moved: tuple[tuple[int, float], ...] = ()
@@ -80,13 +83,14 @@ def start_point(
     if found is None and initial:
         found = _nearest(system, ConstraintRows.of(system, c, sample), ease, wishes)
         found = None if found is None else replace(found, ways=())  # the initial equations may exclude some of them
-    return found or StartPoint(sample, False, np.zeros(0, np.int64))
+    return found or StartPoint(sample, False, *(np.zeros(0, np.int64) for _ in range(2)))
 
 
 def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wanted: _Wanted) -> StartPoint | None:
     """The point nearest to a sample that satisfies constraints; None where none is found."""
     weight = ease.ravel()[rows.jets]
     values, ways, moved, loose, kept = rows.begin.copy(), [], [], False, True
+    settled = np.zeros(len(values), bool)
     held = weight <= FIXED
     for own, columns in rows.components(held):
         if not len(own):
@@ -103,6 +107,7 @@ def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wan
             found = _alone(part, values[inside], weight[inside])
         if assemblies is not None:
             found = assemblies.points[0]
+            settled[np.intersect1d(inside, columns)] = True
             loose |= assemblies.loose
             ways += wanted.told_apart(part.jets, assemblies)
             fixed = weight[inside] <= FIXED
@@ -116,7 +121,8 @@ def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wan
     value = rows.sample.value.copy()
     value.flat[rows.jets] = values
     sample = replace(rows.sample, value=value)
-    return StartPoint(sample, kept, rows.jets, loose, tuple(ways) if kept else (), tuple(moved))
+    nearest_jets = rows.jets[settled]
+    return StartPoint(sample, kept, rows.jets, nearest_jets, loose, tuple(ways) if kept else (), tuple(moved))
 
 
 def _assemblies(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> Assemblies | None:
