@@ -204,7 +204,7 @@ int fmu_states(fmu *f, double *out);
 void fmu_set_time(fmu *f, double time);
 void fmu_set_states(fmu *f, const double *x);
 
-/* At the start of simulation, and whenever the other side says that a step is accepted. */
+/* Steps (`fmu_steps.c`): at the start of simulation, and whenever the other side says that a step is accepted. */
 int fmu_accept(fmu *f);
 
 /* Integrate to a time; `f->now.time` is where it has come to. */
@@ -213,11 +213,16 @@ int fmu_advance(fmu *f, double end);
 int fmu_directional(fmu *f, const uint32_t *unknowns, size_t rows, const uint32_t *knowns, size_t columns,
                     const double *seed, double *out, int adjoint);
 
+/* What has been solved (`fmu_instances.c`). */
+void fmu_forget(fmu *f);                                /* no factors are kept: the equations are others */
+void fmu_guess(fmu *f);                                 /* nonlinear blocks begin as the scene is at its start */
+
 /* How it stands within the equations (`fmu.c`). */
 int fmu_lost(fmu *f);                                   /* a nonlinear block has no solution there */
 int fmu_solve(fmu *f, double time, const double *x);    /* those of the derivatives … */
 int fmu_look(fmu *f, double time, const double *x);     /* … and registers of LOOK at a place */
 void fmu_settle(fmu *f);                                /* parameters, inputs and modes into the registers */
+int fmu_evaluate(fmu *f);                               /* the derivatives, where they are not known yet */
 int fmu_fits(fmu *f);                                   /* the same, and FMU_WRONG where parameters must not be so */
 void fmu_changed(fmu *f);
 int fmu_refused(fmu *f, const char *text);
