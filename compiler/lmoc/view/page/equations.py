@@ -44,11 +44,13 @@ def page_equations(run: Result) -> PageEquations:
     count = len(run.reduced.states)
     if count > MOST_DERIVED:
         return PageEquations(f"<p>Not derived for the page: the scene has {count} states.</p>")
-    closed = sum(step.unknowns.size for step in run.reduced.rhs if isinstance(step, Solve) and not step.linear)
-    if closed > MOST_CLOSED:
-        return PageEquations(f"<p>Not derived for the page: {closed} variables follow from the closing of loops.</p>")
     try:
         prepared = _as_written(run)
+        steps = prepared.reduced.rhs
+        closed = sum(step.unknowns.size for step in steps if isinstance(step, Solve) and not step.linear)
+        if closed > MOST_CLOSED:
+            told = f"{closed} variables follow from the closing of loops"
+            return PageEquations(f"<p>Not derived for the page: {told}.</p>")
         return _of_modes(prepared, run) if prepared.flat.laws else _of_motion(prepared)
     except ModelError as error:
         return PageEquations(f"<p>None that could be read: {escape(error.diagnostics[0].message)}.</p>")
@@ -71,11 +73,15 @@ def _of_modes(prepared: Prepared, run: Result) -> PageEquations:
 
 
 def _as_written(run: Result) -> Prepared:
-    """Return the scene as it is in the text: with its laws, and with relations in place of discrete variables."""
+    """Return the scene as it is in the text: with its laws, and with relations in place of discrete variables.
+
+    Its coordinates are the fewest, in whatever coordinates of its loops it has been run.
+    """
     origin = run.reduced.lawful or run.flat
     values = run.trajectory.observer.values[: origin.count]
     if origin.events is None:
-        return Prepared(origin, run.reduced, values)
+        in_all = run.reduced.invariants is not None and run.reduced.constraints is None
+        return Prepared(origin, _reduced(origin, values, None) if in_all else run.reduced, values)
     from lmoc.ir.written import as_written
 
     made = as_written(origin, values, run.reduced.discrete)
