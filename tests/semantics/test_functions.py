@@ -3,6 +3,8 @@
 import pytest
 from oracles.flattening import codes, equations, flat, mistakes, value
 
+import lmoc
+
 
 def of_function(body: str, call: str, declarations: str = "", inputs: str = "input Real x;", **parameters):
     text = f"""
@@ -96,6 +98,44 @@ def test_functions_call_functions_and_themselves() -> None:
         model A Real r = power(time, 3); end A;"""
     assert equations(flat(text, library=False)) == ["r = time*(time*time)"]
     assert codes(text.replace("n - 1", "n")) == ["E0222"]
+
+
+HALVES = """
+    function power input Real x; input Integer n; output Real y; algorithm
+      if n == 0 then y := 1; return; end if;
+      if n == 1 then y := x; elseif mod(n, 2) == 0 then y := power(x, div(n, 2))*power(x, div(n, 2));
+      else y := power(x, div(n, 2))*power(x, n - div(n, 2)); end if; end power;"""
+HALVES_IN_ONE = """
+    function power input Real x; input Integer n; output Real y = if n == 0 then 1 elseif n == 1 then x elseif
+      mod(n, 2) == 0 then power(x, div(n, 2))^2 else power(x, div(n, 2))*power(x, n - div(n, 2)); end power;"""
+IN_TURN = """
+    function power input Real x; input Integer n; output Real y;
+      algorithm if n == 0 then y := 1; else y := x*rest(x, n - 1); end if; end power;
+    function rest input Real x; input Integer n; output Real y;
+      algorithm if n > 0 then y := power(x, n); else y := 1; end if; end rest;"""
+
+
+@pytest.mark.parametrize("function", [HALVES, HALVES_IN_ONE, IN_TURN])
+def test_a_recursion_that_a_parameter_ends_is_written_out_once(function: str, monkeypatch, tmp_path) -> None:
+    """Both branches of each call would be 2^depth of them; what is counted grows as the result does."""
+    text = function + "model A parameter Integer n = 17; Real r = power(time, n); end A;"
+    monkeypatch.setenv("LMOC_MAX_ROUNDS", "1000")
+    (r,) = equations(flat(text, library=False))
+    assert eval(r.removeprefix("r = ").replace("^", "**"), {"time": 3}) == 3**17
+    (tmp_path / "a.lmo").write_text(text)
+    dae = lmoc.compile(tmp_path / "a.lmo")
+    other = dae.simulate(stop=1.1, points=2, parameters={"n": 5})
+    assert other["r"][-1] == pytest.approx(1.1**5, rel=1e-14), "another number is another recursion"
+
+
+def test_a_recursion_that_the_run_would_have_to_end_is_refused_at_once(monkeypatch) -> None:
+    monkeypatch.setenv("LMOC_MAX_ROUNDS", "1000")
+    (only,) = mistakes("""
+        function f input Real x; input Integer n; output Real y;
+        algorithm if x > 0 then y := f(x - 1, n); elseif n == 2 then y := f(x - 2, n); else y := f(x/2, n); end if;
+        end f;
+        model A parameter Integer n = 2; Real y = f(time, n); end A;""")
+    assert only.code == "E0222" and "more than 50 deep" in only.message and "parameters" in only.hint
 
 
 def test_a_function_of_one_number_is_applied_to_arrays() -> None:

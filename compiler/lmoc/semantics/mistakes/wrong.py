@@ -146,6 +146,23 @@ class Exhausted(Wrong):
     """A budget is spent: nothing more of the model is made."""
 
 
+class CallsItself(Wrong):
+    """A function calls itself within branches of which parameters decide which one is taken.
+
+    Attributes
+    ----------
+    level : how many such branches stood around where it was called before
+    """
+
+    def __init__(self, level: int, message: str, span: Span):
+        super().__init__("E0222", message, span)
+        self.level = level
+
+
+class TooDeep(Wrong):
+    """A function calls itself without end."""
+
+
 class NotOneGroup(Wrong):
     """The rows of a group go different ways."""
 

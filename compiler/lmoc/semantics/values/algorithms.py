@@ -16,7 +16,7 @@ from lmoc.messages.diagnostics import Label, Subject, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.mistakes.wrong import Exhausted, NotAlike, NotKnown, Wrong
+from lmoc.semantics.mistakes.wrong import CallsItself, Exhausted, NotAlike, NotKnown, TooDeep, Wrong
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
@@ -119,7 +119,7 @@ class Algorithm:
                     raise leave
                 if not left.expr.is_const and k + 1 < len(statements):  # the rest is for those who have not left
                     stays = Value(dag.function("not", left.expr), (), "Boolean")
-                    self._branch(stays, statements[k + 1 :], (), statement.span)
+                    self._either(stays, statements[k + 1 :], (), statement.span)
                     return
 
     def _statement(self, s: tree.Statement) -> None:
@@ -286,24 +286,39 @@ class Algorithm:
             otherwise = (rest,) if rest.branches else s.otherwise
             if changes(self.context, condition):
                 self._warn(condition, condition_tree.span)
-                self._branch(condition, body, otherwise, condition_tree.span)
-            else:
-                self._known_branch(condition, body, otherwise, condition_tree.span)
+            self._either(condition, body, otherwise, condition_tree.span)
             return
         self._statements(s.otherwise)
 
+    def _either(self, condition: Value, then: tuple, otherwise: tuple, span: Span) -> None:
+        """Carry out what a condition chooses that is open."""
+        if changes(self.context, condition):
+            self._branch(condition, then, otherwise, span)
+        else:
+            self._known_branch(condition, then, otherwise, span)
+
     def _known_branch(self, condition: Value, then: tuple, otherwise: tuple, span: Span) -> None:
-        """Parameters decide: both branches are kept where both make sense, else that which these values take."""
+        """Parameters decide: both branches are kept where both make sense, else that which these values take.
+
+        So it is where the function calls itself in one of them: that would have no end, or grow with each call.
+        """
         before = dict(self.values)
+        level = self.context.known_ifs
+        self.context.known_ifs += 1
         try:
             self._branch(condition, then, otherwise, span)
-        except Exhausted:
+        except (Exhausted, TooDeep):
             raise
-        except Wrong:
+        except Wrong as wrong:
+            if isinstance(wrong, CallsItself) and wrong.level != level:
+                raise
+            self.context.known_ifs = level
             self.values.clear()
             self.values.update(before)
             holds = self.context.scalar(condition, span, "the condition of this 'if'")
             self._statements(then if holds else otherwise)
+        finally:
+            self.context.known_ifs = level
 
     def _branch(self, condition: Value, then: tuple, otherwise: tuple, span: Span) -> None:
         """Carry out both branches, and join their values; `return` and `break` in one of them are values as well."""
@@ -381,7 +396,7 @@ class Algorithm:
             return
         gone = open_ones[0] if len(open_ones) == 1 else dag.function("or", *open_ones)
         inner = s.body if k == len(s.indices) else (tree.ForStatement(s.indices[k:], s.body, s.span),)
-        self._branch(Value(dag.function("not", gone), (), "Boolean"), inner, (), s.indices[0].span)
+        self._either(Value(dag.function("not", gone), (), "Boolean"), inner, (), s.indices[0].span)
 
     def _while(self, s: tree.WhileStatement) -> None:
         self.values.update({name: self._in_numbers(value, s.condition.span) for name, value in self.values.items()})

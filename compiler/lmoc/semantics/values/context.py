@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import prod
 from typing import Any, Protocol
 
@@ -99,13 +99,15 @@ class Context:
     choices : branches that these rows take, by the identity of the if-expression
     depth : of function calls
     open_ifs : how many statements stand around that only the run decides to reach
+    known_ifs : how many branches stand around that are all written out, though parameters decide which is taken
+    entered : `known_ifs` where each function that is being carried out was last called, by the identity of its text
     end : what `end` means in the subscript being read
     assigned : those of the names that stand for what an algorithm has assigned so far
     """
 
     __slots__ = (
         "model", "node", "scope", "space", "leaves", "names", "arrays", "quiet", "marked", "in_when", "choices",
-        "depth", "open_ifs", "end", "assigned",
+        "depth", "open_ifs", "known_ifs", "entered", "end", "assigned",
     )  # fmt: skip
 
     def __init__(
@@ -129,7 +131,8 @@ class Context:
         self.marked = 0
         self.in_when = False
         self.choices: dict[int, int] = {}
-        self.depth = self.open_ifs = 0
+        self.depth = self.open_ifs = self.known_ifs = 0
+        self.entered: Mapping[int, int] = {}
         self.end: int | None = None
         self.assigned: frozenset[str] = frozenset()
 
@@ -140,8 +143,8 @@ class Context:
     def within(self, space: Space, names: dict[str, Value]) -> Context:
         """The same place with another space and further names."""
         inner = Context(self.model, self.node, self.scope, space, self.leaves, {**self.names, **names}, self.quiet)
-        inner.depth, inner.choices, inner.in_when, inner.marked = self.depth, self.choices, self.in_when, self.marked
-        inner.assigned, inner.open_ifs = self.assigned, self.open_ifs
+        inner.assigned = self.assigned
+        self._go_on_in(inner)
         return inner
 
     @property
@@ -151,15 +154,20 @@ class Context:
             return self
         kept = {name: value for name, value in self.names.items() if name not in self.assigned}
         inner = Context(self.model, self.node, self.scope, self.space, self.leaves, kept, self.quiet)
-        inner.depth, inner.choices, inner.in_when, inner.marked = self.depth, self.choices, self.in_when, self.marked
-        inner.open_ifs = self.open_ifs
+        self._go_on_in(inner)
         return inner
 
     def inside_function(self, scope: Scope, names: dict[str, Value]) -> Context:
         """The body of a function: it sees its own names only."""
         inner = Context(self.model, None, scope, self.space, self.leaves, names, self.quiet)
         inner.depth, inner.marked, inner.open_ifs = self.depth, self.marked, self.open_ifs
+        inner.known_ifs, inner.entered = self.known_ifs, self.entered
         return inner
+
+    def _go_on_in(self, inner: Context) -> None:
+        """What stands around a place stands around a part of it."""
+        inner.depth, inner.choices, inner.in_when, inner.marked = self.depth, self.choices, self.in_when, self.marked
+        inner.open_ifs, inner.known_ifs, inner.entered = self.open_ifs, self.known_ifs, self.entered
 
     # ------------------------------------------------------------ known when compiling
 

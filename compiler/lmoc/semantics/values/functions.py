@@ -11,7 +11,7 @@ from lmoc.semantics.classes.hints import visible
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.mistakes.wrong import NoClass, NotAClass, OutOfRange, Wrong
+from lmoc.semantics.mistakes.wrong import CallsItself, NoClass, NotAClass, OutOfRange, TooDeep, Wrong
 from lmoc.semantics.nodes.instance import Instance, InstanceNode
 from lmoc.semantics.values.algorithms import Algorithm
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
@@ -153,8 +153,20 @@ class _Body:
         self.home = home if home is not None else context.node
         self.context = context.inside_function(function, self.values)
         self.context.depth = context.depth + 1
+        self._enter()
+
+    def _enter(self) -> None:
+        """Refuse a recursion that does not end, or that stands in branches of which parameters choose one."""
+        name, text, around = self.function.name, id(self.function.definition), self.context.entered
+        last = around.get(text)
         if self.context.depth > MAX_DEPTH:
-            raise Wrong("E0222", f"the function '{function.name}' calls itself endlessly", e.span)
+            what = f"'{name}' calls itself" if last is not None else f"calls of functions within '{name}' go on"
+            raise TooDeep("E0222", f"{what} more than {MAX_DEPTH} deep", self.call.span,
+                          hint="constants and parameters must decide where a recursion ends")  # fmt: skip
+        if last is not None and self.context.known_ifs > last:
+            message = f"how often '{name}' calls itself differs between the elements of an array"
+            raise CallsItself(last, message, self.call.span)
+        self.context.entered = {**around, text: self.context.known_ifs}
 
     def run(self) -> list[Value]:
         """Bind the arguments, run the algorithm, collect the results."""

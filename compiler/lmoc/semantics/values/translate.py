@@ -12,7 +12,7 @@ from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Subject
 from lmoc.messages.source import Span
-from lmoc.semantics.mistakes.wrong import OutOfRange, RowsDiffer, Wrong
+from lmoc.semantics.mistakes.wrong import CallsItself, OutOfRange, RowsDiffer, Wrong
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.rows import align
 from lmoc.semantics.values.value import Value, common_type, number, record, stack, text
@@ -293,14 +293,20 @@ def _if(context: Context, e: tree.If) -> Value:
             break
     open_ones = [k for k, c in enumerate(conditions) if not c.expr.is_const]
     last = len(conditions) - 1 if conditions[-1].expr.is_const and conditions[-1].expr.value else len(e.branches)
+    known = bool(open_ones) and not any(changes(context, conditions[k]) for k in open_ones)
+    level = context.known_ifs
+    context.known_ifs += known
     try:
         result = context.value(values[last])
         for k in reversed(open_ones):
             result = choose(context, conditions[k], context.value(values[k]), result, e.span)
-    except (OutOfRange, RowsDiffer) as wrong:  # the latter from an if-expression inside of this one
-        if any(changes(context, conditions[k]) for k in open_ones):
+    except (OutOfRange, RowsDiffer, CallsItself) as wrong:  # rows: from an if-expression inside of this one
+        if not known or (isinstance(wrong, CallsItself) and wrong.level != level):
             raise
+        context.known_ifs = level
         return _by_rows(context, e, conditions, last, wrong)
+    finally:
+        context.known_ifs = level
     return result
 
 
