@@ -49,6 +49,18 @@ def test_with_nothing_fixed_it_starts_nearest_to_all_guesses():
     check(27, free=True)
 
 
+def test_states_without_a_guess_do_not_take_one_from_what_has_it():
+    """Each of two states could be at zero, but not both: C.phi was 1e-5 for that, or nothing closed (E0535)."""
+    text = fourbar(C=0.7).replace("(phi(start = 1, fixed = true), omega(start = 2, fixed = true))", "")
+    text = text.replace("l = 0.9, m = 1)", "l = 0.8, m = 1), d(l = 0.5, m = 1)").replace("l = 1.2", "l = 0.8")
+    further = "connect(D.a, d.b); connect(d.a, E.b); connect(E.a, g2.frame)"
+    text = text.replace(" D;", " D, E;").replace("connect(D.a, g2.frame)", further)
+    run = lmoc.compile_text(text).simulate(times=[0.0])
+    a, b, c, d = np.cumsum([run[f"{k}.phi"][0] for k in "ABCD"]) - [0, 0, 0, 2 * run["D.phi"][0]]
+    assert (run["C.phi"][0], notes(run)) == (pytest.approx(0.7, abs=1e-12), [])
+    assert np.dot([0.5, 0.8, -0.8, -0.5], np.exp(1j * np.array([a, b, c, d]))) == pytest.approx(1, abs=1e-9)
+
+
 def test_without_a_guess_the_smallest_angles_are_taken_and_told():
     run = lmoc.compile_text(fourbar()).simulate(times=[0.0])
     assert run["D.phi"][0] == pytest.approx(ABOVE, abs=1e-9)

@@ -44,6 +44,7 @@ class StartPoint:
     loose : whether some of that may move though what is fixed and given stays
     ways : as in `StartGuess`
     moved : fixed flat variables without which no way was found to close their loops, with values that do
+    missed : (ranks,) the squares of what start values of positions are missed by, those that count first first
     """
 
     sample: Sample
@@ -53,6 +54,7 @@ class StartPoint:
     loose: bool = False
     ways: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
     moved: tuple[tuple[int, float], ...] = ()
+    missed: tuple[float, ...] = ()
 
 
 def start_point(
@@ -83,7 +85,9 @@ def start_point(
     if found is None and initial:
         found = _nearest(system, ConstraintRows.of(system, c, sample), ease, wishes)
         found = None if found is None else replace(found, ways=())  # the initial equations may exclude some of them
-    return found or StartPoint(sample, False, *(np.zeros(0, np.int64) for _ in range(2)))
+    if found is None:
+        return StartPoint(sample, False, np.zeros(0, np.int64), np.zeros(0, np.int64))
+    return replace(found, missed=wishes.missed(found.sample.value))
 
 
 def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wanted: _Wanted) -> StartPoint | None:
@@ -221,6 +225,11 @@ class _Wanted:
         """Return what is wanted of some jets."""
         own, at = self._places(jets)
         return Wishes(at, self.factor[own], self.offset[own], self.target[own], self.level[own], self.rank[own])
+
+    def missed(self, value: np.ndarray) -> tuple[float, ...]:
+        """Return the squares of what start values are missed by, added up by their ranks, at a sample."""
+        own, away = self.level == 0, self.factor * value.flat[self.jet] + self.offset - self.target
+        return tuple(float((away[own & (self.rank == k)] ** 2).sum()) for k in distinct(self.rank[own]).tolist())
 
     def told_apart(self, jets: np.ndarray, found: Assemblies) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return the variables that tell assemblies apart, best those with a guess or a mark, and their values."""

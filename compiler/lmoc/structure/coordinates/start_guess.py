@@ -14,6 +14,8 @@ from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.loops.reach import out_of_reach
 from lmoc.structure.loops.sample import UNMARKED
 
+_NEARER = 1e-6  # radians, lengths, squared: by less no start value is missed by more
+
 Given = tuple[np.ndarray, np.ndarray]  # flat variables, and values that are fixed at the start
 
 
@@ -52,7 +54,9 @@ def _settled(
     variable, order = selection.layout.jets
     at_rest = variable[states[order[states] == 0]]
     settled = selection.start_at(values, fixed, at_rest)
-    return settled if settled.closed else start
+    # several states can be free one by one, and not all of them at once: then a start value would have to give way
+    kept = settled.closed and all(a <= b + _NEARER for a, b in zip(settled.missed, start.missed, strict=True))
+    return settled if kept else start
 
 
 def _guess(
