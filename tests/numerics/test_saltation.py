@@ -191,6 +191,31 @@ def test_numbers_that_are_rounded_down():
         assert np.abs(run.sensitivity("y", name) - truth).max() < 1e-6 * np.abs(truth).max()
 
 
+TENTS = """
+model Tents "kinks in time that are elsewhere in each period"
+  parameter Real k = 2, T = 0.7;
+  output Real y(start = 0, fixed = true);
+equation
+  der(y) = k*abs(mod(time, T) - T/2);
+end Tents;
+"""
+
+
+def test_kinks_in_time_between_events():
+    """They were looked for where they are in the first period, and none was there: an internal error."""
+    run = lmoc.compile_text(TENTS).simulate(times=[0.3, 0.6, 1.0, 1.6, 2.3, 3.1], rtol=1e-8, sensitivities=("k", "T"))
+
+    def height(k, T):
+        periods, left = run.time // T, T / 2 - run.time % T
+        return k * (periods * T**2 / 4 + T**2 / 8 - np.sign(left) * left**2 / 2)
+
+    values = {"k": 2.0, "T": 0.7}
+    assert run["y"] == pytest.approx(height(**values), abs=1e-7)
+    for name in values:
+        truth = _differences(height, values, name)
+        assert np.abs(run.sensitivity("y", name) - truth).max() < 1e-6 * np.abs(truth).max()
+
+
 TIMED = """
 model Timed "what happens at times that are parameters"
   parameter Real t0 = 0.4, k = 3, T = 0.35;

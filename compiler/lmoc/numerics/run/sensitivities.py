@@ -317,7 +317,7 @@ class Sweep:
         self.observer, self.directions, self.explicit = observer, directions, explicit
         self.plan, self.n, self.m = observer.plan, len(observer.plan.states), len(directions)
         self.rtol, self.sizes = max(_SHARE * rtol, FINEST_SMOOTH), sizes
-        self.scale = np.array([d.size for d in directions])
+        self.scale, self._by = np.array([d.size for d in directions]), base
         own = np.isin(np.arange(self.plan.count), self.plan.parameters)
         registers = np.flatnonzero(own & (base != 0).any(axis=0))
         moves = base[:, registers].T * self.scale
@@ -348,8 +348,12 @@ class Sweep:
         wide = begin - (end - begin), end + (end - begin)  # at the ends some come in and others leave
         for k, direction in enumerate(self.directions):
             step = STEP * direction.size
-            sides = [kinks.break_times(self.plan, self._base(direction, s * step), *wide) for s in (-1, 1)]
-            low, high = (side[np.abs(side[:, None] - own).argmin(axis=0)] for side in sides if len(side))
+            # discrete variables stay what they are in the segment: `if mod(time, T) > T/2` jumps later in each period
+            bases = (self.observer.base + s * step * self._by[k] for s in (-1, 1))
+            sides = [kinks.break_times(self.plan, base, *wide) for base in bases]
+            if not all(map(len, sides)):
+                raise refused(f"only with this value of '{direction.name}' the equations jump at some instant")
+            low, high = (side[np.abs(side[:, None] - own).argmin(axis=0)] for side in sides)
             moves[k] = (high - low) / (2 * step)
         margin = 1e-9 * max(abs(begin), abs(end))
         moves[np.abs(moves) * self.scale[:, None] <= margin] = 0.0
@@ -358,9 +362,6 @@ class Sweep:
             name = self.directions[int(np.flatnonzero(moves[:, beside].any(axis=1))[0])].name
             raise refused(f"'{name}' moves an instant at which the equations jump where something else happens")
         return own, moves
-
-    def _base(self, direction: Direction, change: float) -> np.ndarray:
-        return self.plan.base(direction.values(change), self.observer.signals)
 
     def go(self, at: Tangent, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the states (times, n) and tangents (m, times, n) at times behind a place.
