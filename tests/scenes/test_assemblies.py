@@ -61,6 +61,17 @@ def test_states_without_a_guess_do_not_take_one_from_what_has_it():
     assert np.dot([0.5, 0.8, -0.8, -0.5], np.exp(1j * np.array([a, b, c, d]))) == pytest.approx(1, abs=1e-9)
 
 
+def test_a_parallelogram_of_three_cranks_starts_nearest_to_its_guesses():
+    """It was kept where the redundant loop was found to close: at 1.005."""
+    text = fourbar(D=0.9).replace("start = 1, fixed = true), omega(start = 2, fixed = true", "start = 1.2")
+    bars = "l = 0.5, m = 1), d(l = 1, m = 1), e(l = 0.5, m = 1)"
+    text = text.replace("l = 1.2", "l = 1").replace("l = 0.9, m = 1)", bars)
+    text = text.replace("g2(x = 1)", "g2(x = 1), g3(x = 2)").replace(" D(", " E, F, D(")
+    further = "connect(b.b, d.a); connect(d.b, E.a); connect(E.b, e.b); connect(e.a, F.b); connect(F.a, g3.frame);"
+    run = lmoc.compile_text(text.replace("end Fourbar", f"{further}\nend Fourbar")).simulate(times=[0.0])
+    assert [run[f"{pin}.phi"][0] for pin in "ACDEF"] == pytest.approx([1.05] * 5, abs=1e-8)
+
+
 def test_without_a_guess_the_smallest_angles_are_taken_and_told():
     run = lmoc.compile_text(fourbar()).simulate(times=[0.0])
     assert run["D.phi"][0] == pytest.approx(ABOVE, abs=1e-9)

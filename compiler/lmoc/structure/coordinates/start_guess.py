@@ -78,6 +78,8 @@ def _guess(
     tied_variables = np.flatnonzero((n.order == 0) & np.isin(n.root, start.jets[start.jets < width]))
     nearest = _values_of(tied_variables, n, place)
     nearest[~np.isin(n.root[tied_variables], start.nearest)] = np.nan
+    if n.near is not None:  # they stand where redundant constraints were found to hold, not nearest to their guesses
+        nearest[np.isin(n.root[tied_variables], n.near[0])] = np.nan
     reason = None if start.closed else out_of_reach(system.normalized)
     failures = () if reason is None else (reason,)
     doubts = tuple(_not_closed(selection, variable, value) for variable, value in start.moved)
