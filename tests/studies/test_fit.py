@@ -71,6 +71,16 @@ def test_what_the_data_do_not_determine_is_told(dae):
     assert np.isinf(found.deviations["k"]) and "do not tell apart" in str(found)
 
 
+def test_a_value_at_which_nothing_changes_is_not_determined():
+    """``der(x) = k^2 - x`` has no slope by k at 0: the fit stays, and its interval would be wider than the bounds."""
+    text = "model M parameter Real k = 2; Real x(start = 0, fixed = true); equation der(x) = k*k - x; end M;"
+    dae = lmoc.compile_text(text)
+    data = {"time": TIMES, "x": 4 * (1 - np.exp(-TIMES))}
+    found = dae.fit(data, {"k": (0, 0, 10)})
+    assert not found.identifiable and found.undetermined == ({"k": 1.0},) and "not determined" in str(found)
+    assert dae.fit(data, {"k": (1, 0, 10)}).values == pytest.approx({"k": 2}, rel=1e-6)
+
+
 def test_intervals_hold_the_truth_as_often_as_they_say(dae):
     """Noise of known size, 25 times: of 50 intervals of 95 %, 42 to 50 hold the truth but once in some thousands."""
     random, inside, spread = np.random.default_rng(1), 0, []

@@ -310,6 +310,8 @@ def _judged(misses: Misses, found: Any, scales: Mapping[str, float], estimated: 
     freedom = len(residuals) - len(x)
     variance = float(residuals @ residuals) / freedom if estimated else 1.0
     covariance, undetermined = _covariance(jacobian, x, names, variance)
+    lost = _wider_than_bounds(misses.unknowns, covariance, undetermined)
+    covariance[lost, lost], undetermined = np.inf, (*undetermined, *({names[k]: 1.0} for k in lost))
     factor = _factor(freedom, estimated)
     spread = np.sqrt(np.diag(covariance))
     own = np.split(residuals, np.cumsum([len(t) for e in misses.experiments for t, _, _ in e.columns.values()])[:-1])
@@ -334,6 +336,15 @@ def _judged(misses: Misses, found: Any, scales: Mapping[str, float], estimated: 
         bool(found.status > 0),
         misses.differences,
     )
+
+
+def _wider_than_bounds(
+    unknowns: Sequence[Unknown], covariance: np.ndarray, undetermined: Sequence[Mapping[str, float]]
+) -> list[int]:
+    """Return the numbers of values of which the data say less than their bounds, as where a slope is next to zero."""
+    told = {name for direction in undetermined for name in direction}
+    wide = zip(unknowns, np.sqrt(np.diag(covariance)).tolist(), strict=True)
+    return [k for k, (u, spread) in enumerate(wide) if u.name not in told and spread > u.high - u.low]
 
 
 def _covariance(
