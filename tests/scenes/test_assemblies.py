@@ -61,6 +61,23 @@ def test_states_without_a_guess_do_not_take_one_from_what_has_it():
     assert np.dot([0.5, 0.8, -0.8, -0.5], np.exp(1j * np.array([a, b, c, d]))) == pytest.approx(1, abs=1e-9)
 
 
+def test_what_a_guess_leaves_open_is_nearest_to_zero():
+    text = """model Five
+      import Planar.*;
+      inner World world(g = 0);
+      Ground l, r(x = 1);
+      Revolute A, B, C, D(phi(start = -1.2)), E;
+      Bar a(l = 0.5, m = 1), b(l = 0.8, m = 1), c(l = 0.8, m = 1), d(l = 0.5, m = 1);
+    equation
+      connect(l.frame, A.a); connect(A.b, a.a); connect(a.b, B.a); connect(B.b, b.a); connect(b.b, C.a);
+      connect(C.b, c.a); connect(c.b, D.a); connect(D.b, d.a); connect(d.b, E.a); connect(E.b, r.frame);
+    end Five;"""
+    run = lmoc.compile_text(text).simulate(times=[0.0])
+    assert run["D.phi"][0] == pytest.approx(-1.2, abs=1e-12)
+    squares = sum(run[f"{k}.phi"][0] ** 2 for k in "ABCE")
+    assert squares == pytest.approx(8.555636, abs=1e-5)  # the least of 20,001 angles of A, by circles
+
+
 def test_a_parallelogram_of_three_cranks_starts_nearest_to_its_guesses():
     """It was kept where the redundant loop was found to close: at 1.005."""
     text = fourbar(D=0.9).replace("start = 1, fixed = true), omega(start = 2, fixed = true", "start = 1.2")

@@ -81,7 +81,7 @@ def descend(system: StartSystem, components: Components, x: np.ndarray, radius: 
         if lost.any() and (whole or lost.all()):
             break
         whole = not lost.any()
-        step = components.step(jacobian, residual, x)
+        step = components.step(jacobian, residual, x - system.rest)
         size, length = 1.0 + np.abs(x).max(initial=0.0), np.abs(step).max(initial=0.0)
         step *= min(1.0, radius / max(length, 1e-300))
         weight = _row_weights(jacobian, system.hard)

@@ -85,7 +85,8 @@ def initial_state(
     open_ = register >= 0
     kept, said = Targets(*(column[open_] for column in _columns(wanted))), len(report.diagnostics)
     nearest = guess if guess is not None and guess.closed and not flat.initial_groups else None
-    system = StartSystem(plan, base, signals, values, time, kept, report, nearest)
+    rest = _guessed(guess, np.zeros(len(x)), at[:0]) if guess is not None and guess.closed else None
+    system = StartSystem(plan, base, signals, values, time, kept, report, nearest, rest)
     if not report.errors:
         impacts = solve(system, x, _guessed(guess, x, at[direct]), guess, report)
         events += [impact.event(system) for impact in impacts]

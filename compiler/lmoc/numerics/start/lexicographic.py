@@ -31,10 +31,14 @@ class Components:
     rows: int
     states: int
 
-    def step(self, jacobian, residual: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """The step d with the least |J d + r| on fixed rows, then on start rows by their ranks, then the least |x + d|.
+    def step(self, jacobian, residual: np.ndarray, away: np.ndarray) -> np.ndarray:
+        """The step d with least |J d + r| on fixed rows, then on start rows by their ranks, then least |away + d|.
 
         States that no row touches stay as they are.
+
+        Parameters
+        ----------
+        away : (n,) how far the states are from where they are to be if nothing decides them
         """
         d = np.zeros(self.states)
         lookup = _Lookup(jacobian, self.states)
@@ -44,7 +48,7 @@ class Components:
                     d[states] = _large(jacobian, residual, rows, states, self.states)
                 continue
             levels = [(lookup.blocks(rows, batch.states), residual[rows]) for rows in batch.rows]
-            d[batch.states] = _lexicographic(levels, x[batch.states])
+            d[batch.states] = _lexicographic(levels, away[batch.states])
         return d
 
     def connected(self, rows: np.ndarray) -> list[np.ndarray]:

@@ -63,6 +63,7 @@ class StartSystem:
     wished : (m,) values wanted; 0 for equations
     value : (m,) those that are looked for: guesses in loops that close elsewhere give way to where these do
     hard : (m,) whether a residual must vanish
+    rest : (n,) where states are to be that nothing decides: at zero, in loops where these are closed
     level : (m,) which residuals count first: 0 for those that must vanish, above it by the ranks of start values
     """
 
@@ -76,9 +77,11 @@ class StartSystem:
         targets: Targets,
         report: Report,
         closed: StartGuess | None = None,
+        rest: np.ndarray | None = None,
     ) -> None:
         self.plan, self.time, self.targets, self.signals = plan, time, targets, signals
         self.flat = plan.reduced.flat
+        self.rest = np.zeros(len(plan.states)) if rest is None else rest
         equations = InitialEquations(plan, signals, report)
         self.place = equations.place
         outputs = np.concatenate([plan.reduced.register_of[targets.variable], equations.out]).astype(int)

@@ -91,6 +91,7 @@ class Loops:
     begin : (n,) a first guess
     held : (n,) mask of the unknowns that stay
     wishes : Wishes
+    guessed : whether guesses are among what stays: what they leave open comes as near to angles of zero as it can
     """
 
     dense: Dense
@@ -98,6 +99,7 @@ class Loops:
     begin: np.ndarray
     held: np.ndarray
     wishes: Wishes
+    guessed: bool = False
 
     @cached_property
     def turns(self) -> Turns:
@@ -144,7 +146,7 @@ class Loops:
                     return None
                 continue
             seen = counts.min() >= SEEN and len(points) % 2 == 0 and (isolated or turn >= AWAY)
-            if seen or not (isolated or self.given.any()):
+            if seen or not (isolated or self.given.any() or self.guessed):
                 break
         return self._ordered(points, isolated)
 
@@ -251,9 +253,13 @@ class Loops:
         return bool(np.linalg.matrix_rank(own, _DEPENDENT) == own.shape[1])
 
     def _moved(self, points: np.ndarray) -> np.ndarray:
-        """Return points (k, n) moved to where they are nearest to what is given, by whole turns, too."""
+        """Return points (k, n) moved to where they are nearest to what is given, by whole turns, too.
+
+        What that leaves open comes as near to angles of zero as it can.
+        """
         wishes = self._given_first(points)
-        points, moving = points.copy(), np.arange(len(points) if wishes else 0)
+        points, moving = points.copy(), np.arange(len(points) if wishes or self.guessed else 0)
+        wishes += self._unset(points)
         for _ in range(_ROUNDS):
             if not len(moving):
                 break
@@ -271,9 +277,17 @@ class Loops:
 
     def _given_first(self, points: np.ndarray) -> list[Wish]:
         """What is given, by its levels."""
+        return self._wished(points, [mask for mask in self._levels() if (self.wishes.level[mask] <= 0).all()])
+
+    def _unset(self, points: np.ndarray) -> list[Wish]:
+        """Angles that nobody has given, which are best zero, coordinates first."""
+        w, angle = self.wishes, self.turns.angle[self.wishes.place]
+        return self._wished(points, [(w.level == level) & angle for level in (1, 2)])
+
+    def _wished(self, points: np.ndarray, masks: list[np.ndarray]) -> list[Wish]:
         w, size = self.wishes, self._sizes(points)
         slope, aim = w.factor / size, (w.target - w.offset) / size
-        own = [mask & ~self.held[w.place] for mask in self._levels() if (w.level[mask] <= 0).all()]
+        own = [mask & ~self.held[w.place] for mask in masks]
         return [Wish(w.place[mask], slope[mask], aim[mask]) for mask in own if mask.any()]
 
     def _distinct(

@@ -136,7 +136,8 @@ def _assemblies(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> As
     gives way, too.
     """
     for ease in (*distinct(weight[weight <= GUESSED])[::-1].tolist(), 0.0):
-        loops = _loops(wanted, part, part.begin, weight <= ease)
+        held = weight <= ease
+        loops = replace(_loops(wanted, part, part.begin, held), guessed=bool((weight[held] > FIXED).any()))
         parts_of = partial(_loops, wanted)
         found = group_by_group(part, loops, parts_of) or loops.found() or one_by_one(part, loops, parts_of)
         if found is not None:
