@@ -84,7 +84,7 @@ def initial_state(
     x[at[own]] = wanted.value[own]
     open_ = register >= 0
     kept, said = Targets(*(column[open_] for column in _columns(wanted))), len(report.diagnostics)
-    nearest = guess if guess is not None and guess.closed and not flat.initial_groups else None
+    nearest = guess if guess is not None and guess.closed else None
     rest = _guessed(guess, np.zeros(len(x)), at[:0]) if guess is not None and guess.closed else None
     system = StartSystem(plan, base, signals, values, time, kept, report, nearest, rest)
     if not report.errors:

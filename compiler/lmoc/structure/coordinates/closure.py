@@ -84,7 +84,8 @@ def start_point(
     found = _nearest(system, ConstraintRows.of(system, c, sample, initial), ease, wishes)
     if found is None and initial:
         found = _nearest(system, ConstraintRows.of(system, c, sample), ease, wishes)
-        found = None if found is None else replace(found, ways=())  # the initial equations may exclude some of them
+        if found is not None:  # the initial equations may exclude some of the ways, and lead elsewhere
+            found = replace(found, ways=(), nearest=np.zeros(0, np.int64))
     if found is None:
         return StartPoint(sample, False, np.zeros(0, np.int64), np.zeros(0, np.int64))
     return replace(found, missed=wishes.missed(found.sample.value))
