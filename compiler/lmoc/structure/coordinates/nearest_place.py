@@ -17,6 +17,7 @@ from lmoc.support.records import dataclass
 _STEPS, _SHORTER = 40, 12  # Newton's steps, and how often one of them is shortened
 _ENDED = 1e-10  # of a radian, of a length: a step that is none
 _NEARER = 1e-13  # of what is missed, squared: by less nothing is nearer
+_LAST = 1e-3  # radians, lengths: by steps so short Newton's method ends; what is missed tells no more how near it is
 _DEPENDENT = 1e-5  # singular values of rows of length 1 below which something can move
 _FLAT = 1e-9  # of the largest curvature: along such a direction no step is taken
 _STILL = 1e-6  # of the curvature of a wish by itself: along such a direction nothing wished for changes
@@ -92,7 +93,8 @@ def _nearer(
         if not len(left):
             break
         others, reached = surface.closed(x[moving[left]] + step[left] / 3.0**k, held)
-        good = reached & (wish.missed(others) < (1.0 - _NEARER) * missed[left])
+        last = np.abs(step[left] / surface.size).max(axis=1, initial=0.0) <= _LAST
+        good = reached & (wish.missed(others) < (1.0 + np.where(last, _NEARER, -_NEARER)) * missed[left])
         x[moving[left[good]]] = others[good]
         left = left[~good]
     return ~np.isin(np.arange(len(moving)), left)
