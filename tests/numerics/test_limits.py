@@ -56,9 +56,27 @@ def test_what_rounding_leaves_of_a_zero_does_not_grow():
 
 @pytest.mark.parametrize("share, counts", [(5e-13, False), (5e-12, True)])
 def test_entries_that_rounding_has_left_do_not_count(share, counts):
-    """NO_ENTRY: a column of them is none, and keeps the factor 1."""
-    _, columns, _ = equilibrated((2, 2), np.arange(4, dtype=np.int32), np.array([1.0, share, 1.0, share]))
+    """NO_ENTRY: a column of them is none, and keeps the factor 1; no coordinate that could depend by it is chosen."""
+    _, columns, shares = equilibrated((2, 2), np.arange(4, dtype=np.int32), np.array([1.0, share, 1.0, share]))
     assert bool(columns[1] != 1.0) is counts
+    assert shares[1] == (share if counts else 1.0)
+
+
+def test_no_coordinate_depends_by_what_rounding_has_left():
+    """A body turns about a direction with n[1] = 6e-17: Q[4] = 0 at half a turn, where Q[1] cannot take its place."""
+    run = lmoc.compile_text("""model Turn
+      parameter Real a = 0.1, b = 0.2, c = 0.3;
+      Real Q[4](start = {0, 0, 0, 1}), w[3] = {a + b - c, 3, 4};
+    initial equation
+      Q[1] = 0; Q[2] = 0; Q[3] = 0;
+    equation
+      w = 2*[Q[4], Q[3], -Q[2], -Q[1]; -Q[3], Q[4], Q[1], -Q[2]; Q[2], -Q[1], Q[4], -Q[3]]*der(Q);
+      Q*Q = 1;
+    end Turn;""").simulate(stop=4, points=50)
+    half = 2.5 * run.time
+    truth = [0 * half, 0.6 * np.sin(half), 0.8 * np.sin(half), np.cos(half)]
+    assert np.abs([run[f"Q[{k}]"] for k in range(1, 5)] - np.array(truth)).max() < 1e-10
+    assert len(run.coordinates) > 1
 
 
 @pytest.mark.parametrize("short, side", [(5e-10, UPPER), (5e-9, FREE)])

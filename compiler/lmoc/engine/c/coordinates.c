@@ -23,7 +23,7 @@ void lmoc_equilibrate(const lmoc_coordinate_limits *by, int64_t rows, int64_t co
     square[k] = size[k]*0 == 0 && size[k] > by->no_entry*largest[i] ? size[k]*size[k] : 0;
     in_row[i] += square[k];
     in_column[j] += square[k];
-    if (largest[i] > 0) range[j] = fmax(range[j], size[k]/largest[i]);
+    if (square[k] > 0) range[j] = fmax(range[j], size[k]/largest[i]); /* of what rounding leaves of zeros there is none */
   }
   for (int64_t j = 0; j < columns; j++) {
     squared[j] = again ? column[j]*column[j] : 1;
