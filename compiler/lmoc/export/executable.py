@@ -301,9 +301,12 @@ def _assumed(
     flat, count = plan.reduced.flat, plan.count
     moved = dependent(program, settable + count, len(known))[count:]
     steps: list[Step] = []
-    places, errors, texts = [], [], []
+    places: list[np.ndarray] = []
+    errors: list[int] = []
+    texts: list[str] = []
     for check in flat.checks:
-        rows = np.flatnonzero(moved[check.slots].any(axis=1)) if check in flat.constant_checks else []
+        judged = check in flat.constant_checks
+        rows = np.flatnonzero(moved[check.slots].any(axis=1)) if judged else np.zeros(0, int)
         if not len(rows):
             continue
         places.append(len(known) + sum(map(len, places)) + np.arange(len(rows)))

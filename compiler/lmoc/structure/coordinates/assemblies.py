@@ -212,7 +212,8 @@ class Loops:
     def _closed(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """The points (k, n) at which Newton's method ends, from those places from which it converges."""
         ended, good = self._descended(x, weight)
-        return ended[good]
+        result: np.ndarray = ended[good]
+        return result
 
     def _descended(self, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The points (k, n) at which Newton's method ends, and whether the loops are closed there (k,)."""
