@@ -23,7 +23,7 @@ from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import Signal
 from lmoc.numerics.start.bases import signals_of
 from lmoc.numerics.start.first_states import first_states
-from lmoc.numerics.start.initialization import is_given
+from lmoc.numerics.start.initialization import is_given, states_of
 from lmoc.numerics.start.targets import own_starts
 from lmoc.numerics.task.tolerances import absolute_tolerances
 from lmoc.support.records import dataclass
@@ -156,10 +156,8 @@ def _direct(runs: Runs, initial: Mapping[str, np.ndarray]) -> np.ndarray | None:
     known = np.isfinite(start) & (flat.kind == Kind.UNKNOWN)[:, None]
     if (known != known[:, :1]).any():
         return None
-    chosen, position = np.flatnonzero(known[:, 0]), np.full(plan.count, -1)
-    position[plan.states] = np.arange(len(plan.states))
-    register = plan.reduced.register_of[chosen]
-    at = np.where(register >= 0, position[register], -1)
+    chosen = np.flatnonzero(known[:, 0])
+    at = states_of(plan, plan.reduced.register_of[chosen])
     if (at < 0).any() or (np.bincount(at, minlength=1) > 1).any():
         return None
     if plan.reduced.guess is not None and not is_given(plan, chosen):

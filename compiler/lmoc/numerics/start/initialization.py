@@ -53,20 +53,14 @@ def initial_state(
     """
     flat = plan.reduced.flat
     x = np.zeros(len(plan.states))
-    position = np.full(plan.count, -1)
-    position[plan.states] = np.arange(len(x))
     register = plan.reduced.register_of[wanted.variable]
-    at = np.where(register >= 0, position[register], -1)
+    at = states_of(plan, register)
     direct = at >= 0
     counts = np.bincount(at[direct], minlength=len(x))
+    closed = guess if guess is not None and guess.closed else None
     if direct.all() and (counts <= 1).all() and not flat.initial_groups:
-        x[at] = wanted.value
         note_assemblies(flat, guess, wanted, report)
-        if guess is not None and guess.closed:
-            first = _guessed(guess, x, at)
-            first[at[wanted.hard]] = wanted.value[wanted.hard]
-            return first
-        return x
+        return _taken_over(closed, wanted, at, x)
     key = None if signals else (time, *(a.tobytes() for a in (base, values, *_columns(wanted))))
     last = plan.once(_Solved)
     solved = plan.once(_solved)
@@ -84,9 +78,8 @@ def initial_state(
     x[at[own]] = wanted.value[own]
     open_ = register >= 0
     kept, said = Targets(*(column[open_] for column in _columns(wanted))), len(report.diagnostics)
-    nearest = guess if guess is not None and guess.closed else None
-    rest = _guessed(guess, np.zeros(len(x)), at[:0]) if guess is not None and guess.closed else None
-    system = StartSystem(plan, base, signals, values, time, kept, report, nearest, rest)
+    rest = None if closed is None else _guessed(closed, np.zeros(len(x)), at[:0])
+    system = StartSystem(plan, base, signals, values, time, kept, report, closed, rest)
     if not report.errors:
         impacts = solve(system, x, _guessed(guess, x, at[direct]), guess, report)
         events += [impact.event(system) for impact in impacts]
@@ -99,6 +92,23 @@ def initial_state(
             base[solved] = system.unknowns(x, solved)  # the run goes on where loops are closed as they were found
         if not impacts and len(report.diagnostics) == said:  # nothing to report again
             last.key, last.x, last.branch = key, x.copy(), base[solved]
+    return x
+
+
+def states_of(plan: Plan, register: np.ndarray) -> np.ndarray:
+    """Return the numbers of the states in registers, -1 for what is none."""
+    position = np.full(plan.count, -1)
+    position[plan.states] = np.arange(len(plan.states))
+    result: np.ndarray = np.where(register >= 0, position[register], -1)
+    return result
+
+
+def _taken_over(closed: StartGuess | None, wanted: Targets, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the states where all that is wanted stands on them, at most once on each: what is fixed holds exactly."""
+    x[at] = wanted.value
+    if closed is not None:
+        x = _guessed(closed, x, at)
+        x[at[wanted.hard]] = wanted.value[wanted.hard]
     return x
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.solve.jacobian import Jacobian
-from lmoc.numerics.start.initialization import start_guess
+from lmoc.numerics.start.initialization import start_guess, states_of
 from lmoc.numerics.start.start_system import StartSystem
 from lmoc.numerics.start.targets import Targets, targets
 from lmoc.support.sizes import DENSE
@@ -41,10 +41,8 @@ def start_slopes(
     plan = observer.plan
     flat, n = plan.reduced.flat, len(plan.states)
     wanted = targets(plan, observer.values, initial, Report())
-    position = np.full(plan.count, -1)
-    position[plan.states] = np.arange(n)
     register = plan.reduced.register_of[wanted.variable]
-    at = np.where(register >= 0, position[register], -1)
+    at = states_of(plan, register)
     guess = start_guess(plan, observer.values, wanted)
     alone = (at >= 0).all() and not flat.initial_groups and not (guess is not None and guess.closed)
     direct = (at >= 0) & (wanted.hard | alone)
