@@ -152,6 +152,24 @@ def test_a_crank_passes_near_its_change_point(tmp_path) -> None:
         assert differs(every, found, names) < allowed, (kind, rtol, steps)
 
 
+def test_values_far_from_those_of_the_scene_are_told_of(tmp_path) -> None:
+    """The guide of a slider crank turned round is closed in another way than by `simulate`; a crank of another length
+    is not. One that is longer than its rod comes to rest for ever where the rod stands across, in one long step."""
+    made = lmoc.compile(MODELS / "hard/h04_slider_crank.lmo").export(tmp_path / "crank.fmu")
+    said: list[bytes] = []
+    options = {"fmi_type": "CoSimulation", "stop_time": 0.01, "output_interval": 0.01, "output": ["cylinder.s"]}
+    for name, value, first in (("r", 0.3, 1.3), ("cylinder.nx", -1.0, -1.5)):
+        values = {name: value}
+        found = fmpy.simulate_fmu(str(made.path), start_values=values, logger=lambda *a: said.append(a[-1]), **options)
+        assert found["cylinder.s"][0] == pytest.approx(first, rel=1e-9)
+        assert len(said) == (name == "cylinder.nx"), said
+    assert b"in another way" in said[0]
+    with pytest.raises(fmpy.fmi1.FMICallException):
+        values = {"r": 50.0}
+        fmpy.simulate_fmu(str(made.path), start_values=values, logger=lambda *a: said.append(a[-1]), **options)
+    assert b"no longer tell where it goes" in said[-1]
+
+
 @pytest.mark.parametrize(
     ("parts", "why"),
     [(("parameter", " = 0", "discrete Real n(start = 0, fixed = true);", "when x > 0.5 then n = pre(n) + 1; end when;"),

@@ -10,7 +10,7 @@ from lmoc.export.accuracy import step_factor
 from lmoc.export.instants import Instants, Told, instants, message_of
 from lmoc.export.jumps import JumpTables, jump_tables
 from lmoc.export.laws import LawTables, law_tables, why_not
-from lmoc.export.loops import LoopTables, as_given, closing_parameters, in_all_coordinates, loop_tables
+from lmoc.export.loops import LoopTables, Tied, as_given, closing_parameters, in_all_coordinates, loop_tables, tied_ones
 from lmoc.export.refusals import refusal
 from lmoc.export.settable import Tried, begun
 from lmoc.export.variables import Variable, listed
@@ -51,6 +51,7 @@ class Executable:
     known : (parametric.registers,) values that nothing changes, NaN elsewhere
     given, kept : registers that follow from parameters; those from which `observe` begins
     unknowns, guess : unknowns of nonlinear blocks and their values at the start
+    tied : variables of closed loops that are not given at the start
     inputs, input_start : registers and values
     parameters : flat variables that can be set
     start, nominal : (states,)
@@ -84,6 +85,7 @@ class Executable:
     kept: np.ndarray
     unknowns: np.ndarray
     guess: np.ndarray
+    tied: Tied
     inputs: np.ndarray
     input_start: np.ndarray
     parameters: np.ndarray
@@ -136,6 +138,7 @@ def executable(dae: CompiledDAE) -> Executable:
     observe = values_tape(observing, plan.count)
     unknowns = np.concatenate([_unknowns(right), _unknowns(observe)]).astype(int)
     guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
+    guessed = guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0)
     start = begun(run, len(plan.states))
     values = plan.reduced.flat.extended(dae.values)
     laws = law_tables(plan, values, signals, _inputs, run.trajectory) if reduced.switched is not None else None
@@ -168,7 +171,7 @@ def executable(dae: CompiledDAE) -> Executable:
         dae, run, plan, values_tape(from_parameters, len(known)), right, observe,
         derivatives_tape(plan.program + observing, rule, plan.count),
         known, _given(plan), _kept(plan, observing), unknowns,
-        guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0),
+        guessed, tied_ones(plan, dae.reduced, run, loops),
         inputs, base[inputs], settable, start, np.where(nominal > 0, nominal, 1.0),
         step_factor(dae, plan, run, zero_inputs),
         kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, laws,

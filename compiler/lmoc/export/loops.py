@@ -14,6 +14,7 @@ import numpy as np
 from lmoc.export.refusals import refusal
 from lmoc.export.variables import Place, Variable
 from lmoc.ir.program import Program
+from lmoc.ir.reduced import Reduced
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import ModelError
 from lmoc.numerics.formulations.closing import ClosureStage, closing
@@ -102,6 +103,46 @@ def loop_tables(plan: Plan, values: np.ndarray, start: np.ndarray, inputs: np.nd
     if free.sum() != len(chosen) or len(chosen) == len(jets) or any(v < 0 for v, _ in chosen):
         free[:] = False
     return LoopTables(own.stages, tapes, own.parameters, assumed_sizes(plan, values, start, {}), free)
+
+
+_EIGHTH = {"rad": np.pi / 4, "deg": 45.0}  # the two ways to close four bars are further apart but near a singular place
+
+
+@dataclass(frozen=True, eq=False)
+class Tied:
+    """Variables of closed loops that are not given at the start.
+
+    Attributes
+    ----------
+    registers, values : (n,) where they are observed, and what they are at the start of the scene
+    reach : (n,) how far from there an instance may start without a word
+    """
+
+    registers: np.ndarray
+    values: np.ndarray
+    reach: np.ndarray
+
+
+def tied_ones(plan: Plan, minimal: Reduced, run: Run, loops: LoopTables | None) -> Tied:
+    """Return the variables of closed loops that tell whether an instance begins near the start of the scene: within an
+    eighth of a turn, and for lengths within the largest of them.
+
+    Parameters
+    ----------
+    minimal : the scene in the coordinates with which it begins
+    run : of the scene, in the coordinates of `plan`
+    """
+    flat, guess = plan.reduced.flat, minimal.guess
+    given = plan.states if loops is None else plan.states[loops.free]
+    variables = np.zeros(0, int) if guess is None or not guess.closed else np.asarray(guess.tied, int)
+    registers = plan.reduced.register_of[variables]
+    registers, first = np.unique(registers, return_index=True)
+    kept = (registers >= 0) & ~np.isin(registers, given)
+    variables, registers = variables[first[kept]], registers[kept]
+    values = np.array([run[flat.variable_name(int(v))][0] for v in variables], float)
+    units = np.array([flat.block_at(int(v)).unit for v in variables], object)
+    reach = np.array([_EIGHTH.get(u, np.abs(values[units == u]).max() or np.inf) for u in units.tolist()], float)
+    return Tied(registers, values, reach)
 
 
 def _jets(plan: Plan) -> list[tuple[int, int]]:

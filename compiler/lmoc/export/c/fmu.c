@@ -27,7 +27,7 @@ void fmu_settle(fmu *f) {
       for (int64_t i = 0; i < e->parameters; i++) f->w[k][e->parameter_registers[i]] = w[e->parameter_registers[i]];
     if (!runs) { /* later the last solution is the nearest */
       fmu_guess(f);
-      f->call.solved = f->call.marked = f->now.closed = 0;
+      f->call.solved = f->call.marked = f->now.closed = f->now.compared = 0;
     }
     f->now.stale = f->now.fits = 0;
     fmu_changed(f);
@@ -63,14 +63,34 @@ int fmu_lost(fmu *f) {
   return FMU_NO_VALUE;
 }
 
+/* Fill what is observed, from what has been solved. */
+static int fill_observed(fmu *f, double time) {
+  const fmu_model *m = f->model;
+  for (int64_t i = 0; i < m->kept; i++) f->w[OBSERVE][m->kept_registers[i]] = f->w[RIGHT][m->kept_registers[i]];
+  return lmoc_tape_run(time, f->w[OBSERVE], f->tape + OBSERVE) & LMOC_FAILED ? FMU_NO_VALUE : FMU_GOOD;
+}
+
+/* `simulate` looks for the way to close loops that is nearest to the guesses of the model, an instance for the one that
+   is nearest to the scene's own. */
+static void compare_loops(fmu *f, double time) {
+  const fmu_model *m = f->model;
+  f->now.compared = 1;
+  if (!m->tied || fill_observed(f, time)) return;
+  for (int64_t i = 0; i < m->tied; i++)
+    if (fabs(f->w[OBSERVE][m->tied_registers[i]] - m->tied_values[i]) > m->reach[i]) {
+      f->warn(f->owner, "with these values closed loops begin far from where they do in the scene: lmoc may close them in "
+                        "another way, or whole turns away; an FMU that is exported with these values begins as lmoc does");
+      return;
+    }
+}
+
 /* The equations at a place; loops are closed first as the scene is at its start, from where the way leads there. */
 int fmu_solve(fmu *f, double time, const double *x) {
   if (f->call.remembered && !f->now.closed) lmoc_evaluate(&f->call, f->model->start_time, f->model->start);
-  if (!lmoc_evaluate(&f->call, time, x)) {
-    f->now.closed = 1;
-    return FMU_GOOD;
-  }
-  return fmu_lost(f);
+  if (lmoc_evaluate(&f->call, time, x)) return fmu_lost(f);
+  f->now.closed = 1;
+  if (!f->now.compared) compare_loops(f, time);
+  return FMU_GOOD;
 }
 
 int fmu_look(fmu *f, double time, const double *x) {
@@ -96,11 +116,9 @@ int fmu_evaluate(fmu *f) {
 }
 
 static int observe(fmu *f) {
-  const fmu_model *m = f->model;
   const int found = fmu_evaluate(f);
   if (found || f->now.observed) return found;
-  for (int64_t i = 0; i < m->kept; i++) f->w[OBSERVE][m->kept_registers[i]] = f->w[RIGHT][m->kept_registers[i]];
-  if (lmoc_tape_run(f->now.time, f->w[OBSERVE], f->tape + OBSERVE) & LMOC_FAILED) return FMU_NO_VALUE;
+  if (fill_observed(f, f->now.time)) return FMU_NO_VALUE;
   f->now.observed = 1;
   return FMU_GOOD;
 }
@@ -179,7 +197,7 @@ int fmu_set(fmu *f, uint32_t reference, double value) {
     default:
       return fmu_refused(f, "this variable is calculated, and cannot be set");
   }
-  if (before) f->now.settled = 0;
+  if (before) f->now.settled = f->now.compared = 0;
   fmu_changed(f);
   return FMU_GOOD;
 }

@@ -106,6 +106,9 @@ typedef struct {
   const int32_t *kept_registers;          /* (kept,) registers that observed variables are computed from */
   const int32_t *unknown;                 /* (unknowns,) registers of unknowns of nonlinear blocks … */
   const double *guess;                    /* … where the scene starts */
+  int64_t tied;                           /* variables of closed loops that are not given at the start … */
+  const int32_t *tied_registers;          /* … of `observe` */
+  const double *tied_values, *reach;      /* … in the scene, and how far from there a start is told of */
   const double *known;                    /* (registers of the parametric tape) values that nothing changes */
   const double *start, *nominal;          /* (states,) */
   const double *input_start, *parameter_start;
@@ -154,7 +157,8 @@ typedef struct {
   int32_t fits;                           /* the parameters fulfil what is assumed of them */
   int32_t stands;                         /* of a saved state: what stands in the registers is the last solution */
   int32_t settled, begun, ended;          /* discrete values agree; those of the start are past; the model has ended */
-  int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found */
+  int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found … */
+  int32_t compared;                       /* … and compared with those of the scene */
   int32_t parted;                         /* parameters have been set that move what laws keep closed */
   int32_t drifted;                        /* the states have left the closures of loops by more than the tolerance */
 } fmu_scalars;

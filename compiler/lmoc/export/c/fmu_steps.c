@@ -6,10 +6,12 @@
 #include <stdio.h>
 
 static const double SHORTEST = 8e-16; /* share of the time, up to which DOP853 has no step (`engine/c/walk.c`) */
+static const double VANISHES = 1e-5;  /* of the largest determinant that there was: beyond it the coordinates tell less of
+                                         where the mechanism goes than tolerances ask for, and it may stand there for ever */
 enum { STANDING = 1000 };             /* events in a row between which the time does not go on */
 
-/* Whether the closures of loops still stand as they did at the start: where one of their determinants changes its sign,
-   the motion has passed a place where these coordinates do not tell where the mechanism goes. */
+/* Whether the closures of loops still stand as they did at the start: where one of their determinants changes its sign or
+   vanishes, the motion has come to a place where these coordinates do not tell where the mechanism goes. */
 static int stands(fmu *f) {
   int64_t at = 0;
   if (!f->model->branches) return 1;
@@ -18,7 +20,8 @@ static int stands(fmu *f) {
     for (int64_t j = 0; b->work && j < b->instances; j++, at++) {
       const double det = f->w[RIGHT][b->work + j];
       if (!f->now.judged) f->sign[at] = det;
-      else if (!(det * f->sign[at] > 0)) return 0;
+      else if (!(det * copysign(1, f->sign[at]) > VANISHES * fabs(f->sign[at]))) return 0;
+      else if (fabs(det) > fabs(f->sign[at])) f->sign[at] = det;
     }
   }
   f->now.judged = 1;
