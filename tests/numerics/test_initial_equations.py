@@ -347,3 +347,27 @@ def test_large_values_leave_no_rounding_in_what_the_rows_determine() -> None:
     jacobian, residual = (rows, columns, matrix.ravel()), np.array([1e-6, -2e-6, 0.0, 1e-6])
     step = split(jacobian, np.zeros(4, int), 4).step(jacobian, residual, np.full(4, 1e9))
     assert np.abs(matrix @ step + residual).max() < 1e-18
+
+
+@pytest.mark.parametrize("guess", [1.0, 0.0, -3.0])
+@pytest.mark.parametrize("row", ["initial equation 0.5*m*v^2 = E0;", "initial equation E = E0;"])
+def test_small_quantities_are_met_by_their_own_size(row: str, guess: float) -> None:
+    """An energy of 1e-20 J is no zero for a mass of 1e-12 kg: what is met to 1e-7 of one was met by any velocity."""
+    text = f"""
+    model S
+      parameter Real m(unit = "kg") = 1e-12;
+      parameter Real E0(unit = "J") = 1e-20;
+      Real v(unit = "m/s", start = {guess});
+      Real E(unit = "J");
+    {row}
+    equation
+      E = 0.5*m*v^2;
+      m*der(v) = 0;
+    end S;
+    """
+    dae = lmoc.compile_text(text)
+    v = dae.simulate(times=[0.0])["v"][0]
+    assert abs(v) == pytest.approx(np.sqrt(2e-8), rel=1e-9) and v * guess >= 0
+    with pytest.raises(ModelError) as caught:
+        dae.simulate(times=[0.0], parameters={"E0": -1e-20})
+    assert [d.code for d in caught.value.diagnostics] == ["E0532"]

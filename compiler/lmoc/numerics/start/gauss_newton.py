@@ -82,13 +82,13 @@ def descend(system: StartSystem, components: Components, x: np.ndarray, radius: 
             break
         whole = not lost.any()
         step = components.step(jacobian, residual, x - system.rest)
-        size, length = 1.0 + np.abs(x).max(initial=0.0), np.abs(step).max(initial=0.0)
+        largest, length = np.abs(x).max(initial=0.0), np.abs(step).max(initial=0.0)
         step *= min(1.0, radius / max(length, 1e-300))
         weight = _row_weights(jacobian, system.hard)
         factor = _shortened(system, x, step, weight, np.linalg.norm(weight * residual))
         x += factor * step
         radius *= 2 * factor
-        if length <= 1e-13 * size or (length <= 1e-9 * size and length >= before / 2):
+        if length <= 1e-13 * largest or (length <= 1e-9 * (1.0 + largest) and length >= before / 2):
             break
         before = length
     return _ended(system, x)
@@ -127,8 +127,13 @@ def _ended(system: StartSystem, x: np.ndarray) -> GaussNewtonResult:
     residual, jacobian = system.evaluate(x)
     scale, left = 1.0 + np.abs(system.value), rounding(jacobian, x, len(residual))
     left = np.where(left <= scale, np.minimum(left, _ROUGHLY * scale), 0.0)  # a root's slope is infinite
-    hard = system.hard & ~(np.abs(residual) <= np.maximum(_MISSED_HARD * scale, left))
-    soft = ~system.hard & ~(np.abs(residual) <= np.maximum(MISSED_SOFT * scale, left))
+    missed = np.abs(residual)
+    # what is met by the size of numbers as a whole may be far off by that of its terms, as an energy of 1e-20 J
+    doubtful = system.hard & (missed > left) & (missed <= _MISSED_HARD * scale)
+    if doubtful.any():
+        scale = np.where(doubtful, system.sizes(x) + np.abs(system.value), scale)
+    hard = system.hard & ~(missed <= np.maximum(_MISSED_HARD * scale, left))
+    soft = ~system.hard & ~(missed <= np.maximum(MISSED_SOFT * scale, left))
     return GaussNewtonResult(x, residual, jacobian, hard, soft)
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,29 @@ from lmoc.numerics.solve.rounding import Rounding
 from lmoc.numerics.start.initial_equations import InitialEquations
 from lmoc.numerics.start.targets import Targets
 
-ROUNDOFF = 1e-14  # a gradient below this share of the value wanted is none
+_ROUNDOFF = 1e-14  # a gradient below this share of the value wanted, and of the terms, is none
+_EPSILON = 2e-16  # relative rounding of a number
+
+
+def without_gradient(size: np.ndarray, value: np.ndarray, sizes: Callable[[], np.ndarray]) -> np.ndarray:
+    """Return (m,) whether nothing but rounding is in gradients: cos(pi/2) is not zero in floating point.
+
+    Parameters
+    ----------
+    size, value : (m,) lengths of gradients, and values wanted
+    sizes : returns the sizes of terms (`term_sizes`): a gradient may be as small as they are, as of 1e-20 J
+    """
+    none = size <= _ROUNDOFF * (1.0 + np.abs(value))
+    small = none & (size > 0.0)
+    if small.any():
+        none[small] = (size <= _ROUNDOFF * (sizes() + np.abs(value)))[small]
+    return none
+
+
+def term_sizes(rounding: Rounding, w: np.ndarray, time: float, states: np.ndarray) -> np.ndarray:
+    """Return the sizes of the terms that registers come from, (m,); 1 where they are not known or larger."""
+    found = rounding(w, time, (states, _EPSILON * np.abs(w[states]))) / _EPSILON
+    return np.where(found < 1.0, found, 1.0)
 
 
 def _parts(
@@ -101,6 +124,10 @@ class StartSystem:
         rank = np.concatenate([self.flat.start_rank[targets.variable], np.zeros(len(equations.out), int)])
         self.level = np.where(self.hard, 0, 1 + rank)
 
+    @cached_property
+    def _rounding(self) -> Rounding:
+        return Rounding(self.program, self.outputs, len(self.w))
+
     def restart(self) -> None:
         """Let blocks begin at their first guesses again, not at their last solutions."""
         self.w[:] = self._seeds
@@ -122,17 +149,24 @@ class StartSystem:
         self.interpreter.run(self.w, self.time)
         residual = self.w[self.outputs] - self.value
         rows, columns, values = self.jacobian.rows, self.jacobian.columns, self.jacobian.values(self.w, self.time)
-        # cos(pi/2) is not zero in floating point: what only roundoff moves does not follow from the states
+        # what only roundoff moves does not follow from the states
         size = np.sqrt(np.bincount(rows, values**2, len(residual)))
-        values = np.where((size <= ROUNDOFF * (1.0 + np.abs(self.value)))[rows], 0.0, values)
-        return residual, (rows, columns, values)
+        none = without_gradient(size, self.value, lambda: self.sizes(x))
+        return residual, (rows, columns, np.where(none[rows], 0.0, values))
 
     def rounding(self, x: np.ndarray, off: np.ndarray) -> np.ndarray:
         """By how much the residuals may be off, (m,), where the states at least are off by so much."""
+        found = self._rounding(self._at(x), self.time, (self.plan.states, off))
+        return np.where(np.isfinite(found), found, 0.0)
+
+    def sizes(self, x: np.ndarray) -> np.ndarray:
+        """The sizes of the terms that the residuals come from, (m,); 1 where they are not known or larger."""
+        return term_sizes(self._rounding, self._at(x), self.time, self.plan.states)
+
+    def _at(self, x: np.ndarray) -> np.ndarray:
         w = self.w.copy()
         w[self.plan.states] = x
-        found = Rounding(self.program, self.outputs, len(w))(w, self.time, (self.plan.states, off))
-        return np.where(np.isfinite(found), found, 0.0)
+        return w
 
     # ---------------------------------------------------------------- names for messages
 

@@ -17,7 +17,8 @@ from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.solve.jacobian import Jacobian
-from lmoc.numerics.start.start_system import ROUNDOFF
+from lmoc.numerics.solve.rounding import Rounding
+from lmoc.numerics.start.start_system import term_sizes, without_gradient
 from lmoc.numerics.start.targets import Targets, targets
 from lmoc.support.records import dataclass
 
@@ -150,7 +151,8 @@ def _determining(
     matrix[jacobian.rows, jacobian.columns] = jacobian.values(w, time)
     met = np.array([_same(v, r) for v, r in zip(own.value[rest], w[outputs], strict=True)])
     size = np.sqrt((matrix**2).sum(axis=1))
-    moved = size > ROUNDOFF * (1.0 + np.abs(own.value[rest]))  # the gradient of cos(phi) at 0 is none
+    rounding = Rounding(program, outputs, plan.count)
+    moved = ~without_gradient(size, own.value[rest], lambda: term_sizes(rounding, w, time, plan.states))
     matrix /= np.where(moved, size, np.inf)[:, None]
     rows, columns = [], []
     for k in np.flatnonzero(met & np.isfinite(matrix).all(axis=1)).tolist() if len(open_) else ():
