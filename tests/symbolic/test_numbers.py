@@ -218,11 +218,18 @@ def test_a_time_counts_from_the_start_of_the_experiment():
         dae.linearize(at=1.0)
 
 
-@pytest.mark.parametrize("width", [1e-4, 1e-2, 1.0])
+@pytest.mark.parametrize("width", [1e-12, 1e-9, 1e-4, 1.0, 1e2, 1e6])
 def test_equilibria_of_any_size_are_seen(width):
     dae = lmoc.compile_text(
-        f"model Snap parameter Real a = {width}; Real x, v; equation der(x) = v;"
-        " der(v) = tanh(x/a) - x/(2*a) - v; end Snap;"
+        f"""
+        model Snap
+          parameter Real a(unit = "m") = {width}, g(unit = "m/s2") = 1, c(unit = "1/s") = 1;
+          Real x(unit = "m"), v(unit = "m/s");
+        equation
+          der(x) = v;
+          der(v) = g*(tanh(x/a) - x/(2*a)) - c*v;
+        end Snap;
+        """
     )
     found = [float(e["x"]) / width for e in dae.equilibria()]
     assert found == pytest.approx([-1.9150080481545, 0.0, 1.9150080481545], abs=1e-9)

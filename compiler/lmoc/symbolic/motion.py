@@ -24,6 +24,7 @@ from lmoc.support.records import dataclass
 from lmoc.symbolic.elimination import MOST_TERMS, eliminate
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
+from lmoc.symbolic.search import scene_size
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.system import Outline, SymbolicInterpreter, SymbolicSystem, jet_symbol, symbolic_system
 from lmoc.symbolic.too_long import NoSymbolsError
@@ -124,6 +125,7 @@ def balances(reduced: Reduced, values: np.ndarray) -> SymbolicSystem:
         input_jets=outline.input_jets,
         outputs={own: sp.Symbol(state) for state, own in outline.own_names.items()},
         values={s: v for s, v in motion.values.items() if s in occurring},
+        size=scene_size(reduced.flat, values),
     )
 
 

@@ -22,7 +22,7 @@ from lmoc.numerics.run.simulate import Simulator
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.support.records import dataclass
 from lmoc.symbolic.curve import LoopCurve, walk
-from lmoc.symbolic.search import Rest, rests, values_at, within_a_turn
+from lmoc.symbolic.search import Rest, fineness, rests, scene_size, values_at, within_a_turn
 from lmoc.symbolic.system import coordinates_of
 
 if TYPE_CHECKING:
@@ -114,9 +114,10 @@ def rests_of_loops(reduced: Reduced, values: np.ndarray, inputs: Mapping[str, fl
         raise ValueError("the scene has no closed loops")
     still = _AtRest(reduced, reduced.invariants, values, inputs)
     symbols = [sp.Symbol(name) for name in still.names]
-    found = rests(still.values, still.slopes, still.turning, STARTS)
+    size = scene_size(reduced.flat, values)
+    found = rests(still.values, still.slopes, still.turning, STARTS, size)
     how = f"Newton's method from {STARTS} starts in all coordinates; there may be others"
-    return [RestOfLoops(values_at(rest, symbols), _place(rest, still.names)) for rest in found], how
+    return [RestOfLoops(values_at(rest, symbols, fineness(size)), _place(rest, still.names)) for rest in found], how
 
 
 def rests_on_curve(
@@ -146,7 +147,7 @@ def rests_on_curve(
     alone = sorted((_rounded(rest, scale) for rest in alone), key=lambda rest: tuple(np.round(rest.at, 9)))
     symbols = [sp.Symbol(name) for name in still.names]
     how = f"sign changes {gone.end}; other branches are not searched"
-    return [RestOfLoops(values_at(rest, symbols), _place(rest, still.names)) for rest in alone], how
+    return [RestOfLoops(values_at(rest, symbols, fineness(size)), _place(rest, still.names)) for rest in alone], how
 
 
 def _rounded(rest: Rest, scale: np.ndarray) -> Rest:

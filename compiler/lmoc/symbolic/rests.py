@@ -20,7 +20,7 @@ from lmoc.symbolic.jumps import NoDerivativeError
 from lmoc.symbolic.numeric import NumericSystem, contains_time, linearize_numerically
 from lmoc.symbolic.released import Released
 from lmoc.symbolic.resting_loops import RestOfLoops, keeps_its_closures, rests_of_loops, rests_on_curve
-from lmoc.symbolic.search import Rest, largest_rows, rests, values_at
+from lmoc.symbolic.search import Rest, fineness, largest_rows, reach_of, rests, scene_size, values_at
 from lmoc.symbolic.system import coordinates_of, time_stands_in_it
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ STARTS = 40  # of Newton's method with several coordinates
 NO_RATE = 1e-9  # rad/s² or m/s², of a mechanism that nothing moves
 MOST_TURN = 0.5  # of the slope of a dependent coordinate between two points of a walk
 WALK = 720  # points along one coordinate, each way
-REACH = 10.0  # m, how far along a coordinate that is no angle
 
 
 def equilibria_numerically(
@@ -56,7 +55,7 @@ def equilibria_numerically(
     u = np.array([float(inputs.get(name, 0.0)) for name in system.inputs])
     if system.is_linear():
         return _linear(reduced, values, system, u)
-    still = _AtRest(system, u)
+    still = _AtRest(system, values, u)
     loads = dict(zip(system.inputs, u.tolist(), strict=True))
     alone = len(still.places) == 1 and system.pose is not None
     found, how, whole = _along(still) if alone else ([], "", False)
@@ -66,7 +65,7 @@ def equilibria_numerically(
             return in_all
         how += "; there may be others beyond"
         if not alone or reduced.invariants is None:  # without loops there are no other branches to stray to
-            found = rests(still.rates, still.jacobian, still.turning, STARTS)
+            found = rests(still.rates, still.jacobian, still.turning, STARTS, still.size)
             how = f"Newton's method from {STARTS} starts; there may be others"
     if reduced.left_out:
         found = [rest for rest in found if system.can_start_at(still.state(rest.at), u)]
@@ -120,7 +119,8 @@ def _linear(reduced: Reduced, values: np.ndarray, system: NumericSystem, u: np.n
     model = linearize_numerically(reduced, values, dict(zip(system.states, found, strict=True)), ())
     rest = Rest(found, *_null_space(model.A))
     symbols = _symbols(system.states)
-    at = values_at(Rest(found - rest.along @ found[list(rest.free)], rest.free, rest.along), symbols)
+    member = Rest(found - rest.along @ found[list(rest.free)], rest.free, rest.along)
+    at = values_at(member, symbols, fineness(scene_size(reduced.flat, values)))
     free = tuple(symbols[i] for i in rest.free)
     given = dict(zip(_symbols(system.inputs), _floats(u), strict=True))
     return Equilibria([Equilibrium(at, free, how=how, model=model, inputs=given)], how)
@@ -140,7 +140,7 @@ def _null_space(A: np.ndarray) -> tuple[tuple[int, ...], np.ndarray]:
 class _AtRest:
     """Rates as functions of the places alone, with velocities zero."""
 
-    def __init__(self, system: NumericSystem, u: np.ndarray):
+    def __init__(self, system: NumericSystem, values: np.ndarray, u: np.ndarray):
         pairs = coordinates_of(system.reduced)
         self.system, self.u = system, u
         self.places = np.array([q for q, _ in pairs], int)
@@ -148,6 +148,7 @@ class _AtRest:
         flat, registers = system.reduced.flat, system.reduced.registers
         variables = registers.variable[system.reduced.states[self.places]]
         self.turning = np.array([flat.block_at(int(v)).unit in ("rad", "deg") for v in variables], bool)
+        self.size = scene_size(flat, values)
 
     def state(self, y: np.ndarray) -> np.ndarray:
         x = np.zeros(len(self.system.states))
@@ -177,15 +178,17 @@ def _along(still: _AtRest) -> tuple[list[Rest], str, bool]:
     Also how they were sought, and whether the mechanism goes all the way.
     """
     turning = bool(still.turning[0])
-    reach = np.linspace(0, 2 * np.pi, WALK) if turning else REACH * np.sinh(np.linspace(0, 12, WALK)) / np.sinh(12)
+    far, fine = reach_of(still.size), 1.0 if turning else fineness(still.size)
+    dense = 12 + np.log(far / (reach_of(1.0) * fine))
+    reach = np.linspace(0, 2 * np.pi, WALK) if turning else far * np.sinh(np.linspace(0, dense, WALK)) / np.sinh(dense)
     found: list[float] = []
     largest, whole = 0.0, True
     for way in (1.0, -1.0):
         begin = still.start()
         last, before = begin, still.rates(np.array([begin]))[0]
         branch, slope = still.branch(), None
-        for far in reach[1:]:
-            y = begin + way * far
+        for away in reach[1:]:
+            y = begin + way * away
             value = still.rates(np.array([y]))[0]
             here = still.branch()
             steeper = (here - branch) / (y - last)
@@ -203,9 +206,9 @@ def _along(still: _AtRest) -> tuple[list[Rest], str, bool]:
     for y in sorted(found, key=abs):
         apart = [y - other for other in unique]
         apart = [a - 2 * np.pi * round(a / (2 * np.pi)) if turning else a for a in apart]
-        if not any(abs(a) < 1e-6 for a in apart):
+        if not any(abs(a) < 1e-6 * fine for a in apart):
             unique.append(y)
-    where = "a turn each way" if turning else f"{REACH:g} m each way"
+    where = "a turn each way" if turning else f"{far:g} m each way"
     how = f"sign changes at {WALK} points along the coordinate, {where} from the start as far as the mechanism goes"
     return [Rest(np.array([y]), (), np.zeros((1, 0))) for y in sorted(unique)], how, whole
 
@@ -234,7 +237,7 @@ def _finished(
 ) -> Equilibrium:
     symbols = _symbols(system.states)
     places = [symbols[i] for i in still.places]
-    at = dict.fromkeys(symbols, _floats([0.0])[0]) | values_at(rest, places)
+    at = dict.fromkeys(symbols, _floats([0.0])[0]) | values_at(rest, places, fineness(still.size))
     x = still.state(np.where(np.isin(np.arange(len(places)), rest.free), 0.0, rest.at))
     point = dict(zip(system.states, x.tolist(), strict=True)) | dict(zip(system.inputs, u.tolist(), strict=True))
     model = linear_model_at(reduced, values, point)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.support.records import dataclass
-from lmoc.symbolic.search import REACH, plain, rests, values_at
+from lmoc.symbolic.search import fineness, plain, reach_of, rests, values_at
 from lmoc.symbolic.slope import in_numpy, slope
 from lmoc.symbolic.values import no_value
 
@@ -116,24 +116,27 @@ def scan(equation: sympy.Expr, x: sympy.Symbol, system: SymbolicSystem) -> Sough
     import sympy as sp
 
     (equation,) = _with_numbers([equation], [x], system)
+    fine = fineness(system.size)
     if equation.is_polynomial(x):
         how = "all real roots of a polynomial, with numbers"
-        roots = [r for r in sp.Poly(equation, x).nroots(n=17, maxsteps=200) if abs(sp.im(r)) < 1e-12]
+        roots = [r for r in sp.Poly(equation, x).nroots(n=17, maxsteps=200) if abs(sp.im(r)) < 1e-12 * fine]
         return Sought([Root({x: sp.re(r)}, how=how) for r in roots], how)
     turn = _periodic([equation], x)
-    grid = _turn() if turn else _spread()
-    where = "within one turn" if turn else f"for |{x.name}| ≤ {REACH:g}, dense about zero"
+    grid = _turn() if turn else _spread(system.size)
+    where = "within one turn" if turn else f"for |{x.name}| ≤ {reach_of(system.size):g}, dense about zero"
     how = f"sign changes at {SAMPLES} points {where}; roots that touch zero without crossing are not seen"
-    return Sought([Root({x: plain(r)}, how=how) for r in _sign_changes(equation, x, grid)], how)
+    return Sought([Root({x: plain(r, fine)}, how=how) for r in _sign_changes(equation, x, grid)], how)
 
 
 def _turn() -> np.ndarray:
     return np.linspace(-np.pi, np.pi, SAMPLES) + 1e-8  # off the special values
 
 
-def _spread() -> np.ndarray:
+def _spread(size: float) -> np.ndarray:
     """Points in the reach, their distance from each other about a hundredth of that from zero."""
-    return REACH * np.sinh(DENSITY * (np.linspace(-1, 1, SAMPLES) + 1e-9)) / np.sinh(DENSITY)
+    reach = reach_of(size)
+    density = DENSITY + np.log(reach / (reach_of(1.0) * fineness(size)))
+    return reach * np.sinh(density * (np.linspace(-1, 1, SAMPLES) + 1e-9)) / np.sinh(density)
 
 
 def _sign_changes(equation: sympy.Expr, x: sympy.Symbol, grid: np.ndarray) -> list[float]:
@@ -162,8 +165,8 @@ def search(equations: list, unknowns: list, system: SymbolicSystem) -> Sought:
     f = in_numpy([unknowns], equations)
     jacobian = in_numpy([unknowns], [[slope(e, x) for x in unknowns] for e in equations])
     turning = np.array([_periodic(equations, x) for x in unknowns])
-    found = rests(f, jacobian, turning, STARTS)
-    reach = np.where(turning, np.pi, REACH)
+    found = rests(f, jacobian, turning, STARTS, system.size)
+    reach = np.where(turning, np.pi, reach_of(system.size))
     box = ", ".join(f"|{x.name}| ≤ {r:.3g}" for x, r in zip(unknowns, reach, strict=True))
     how = f"Newton's method from {STARTS} starts in {box}; there may be others"
-    return Sought([Root(values_at(rest, unknowns), how=how) for rest in found], how)
+    return Sought([Root(values_at(rest, unknowns, fineness(system.size)), how=how) for rest in found], how)

@@ -3,6 +3,8 @@
 Where the Jacobian is singular at a zero, it may be one of a family: a trolley that may stand anywhere. The unknowns in
 which the null space is largest are moved a little and held, and the others are sought again; where they are found,
 those unknowns are free, and the family is represented by its member at which they are zero.
+
+How far is searched, and what counts as the same place, follows the size of the scene: a mast of 100 m, a comb of 1 µm.
 """
 
 from __future__ import annotations
@@ -12,14 +14,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.numerics.start.targets import own_starts
 from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     import sympy
 
-REACH = 10.0  # half the side of the box that is searched, in SI units
+_REACH = 10.0  # half the side of the box that is searched, in SI units …
+_SIZES = 3.0  # … and in sizes of the scene, where that is more
+_LARGEST = 1e7  # m; what is larger stands for infinity
+_SMALL = 1e3  # sizes of the scene: a metre is no larger than so many of them
 SINGULAR = 1e-7  # of the largest singular value
 STEPS = 60  # of Newton's method
+_NOTHING = 1e-9  # of the size of the scene, or radians: what rounding leaves of zero
 ASIDE = (0.05, -0.11, 0.23)  # how far along a family other members are looked for
 
 Functions = Callable[[np.ndarray], np.ndarray]
@@ -43,7 +51,29 @@ class Rest:
     straight: bool = True
 
 
-def rests(f: Functions, jacobian: Functions, turning: np.ndarray, starts: int, reach: float = REACH) -> list[Rest]:
+def scene_size(flat: FlatDAE, values: np.ndarray) -> float:
+    """Return the largest length among parameters and start values, m; 1 where there is none.
+
+    Parameters
+    ----------
+    values : (flat.count,) parameter values
+    """
+    own = np.where(flat.kind <= Kind.PARAMETER, values, own_starts(flat, values)[0])
+    lengths = np.abs(own[flat.per_variable(lambda b: b.unit == "m", bool)])
+    return float(lengths[lengths <= _LARGEST].max(initial=0.0)) or 1.0
+
+
+def reach_of(size: float) -> float:
+    """Return how far from zero a scene of a size is searched, m."""
+    return max(_REACH, _SIZES * size)
+
+
+def fineness(size: float) -> float:
+    """Return the length, m, of which tolerances are parts: 1, and less where the scene is smaller than a millimetre."""
+    return min(1.0, _SMALL * size)
+
+
+def rests(f: Functions, jacobian: Functions, turning: np.ndarray, starts: int, size: float = 1.0) -> list[Rest]:
     """Return the zeros and families that Newton's method finds, by rising values.
 
     Parameters
@@ -51,20 +81,36 @@ def rests(f: Functions, jacobian: Functions, turning: np.ndarray, starts: int, r
     f, jacobian : of an array (n,); (m,) and (m, n)
     turning : (n,) which unknowns are angles with a period of one turn
     starts : how many, the first at zero, the others random in the box
+    size : of the scene, m
     """
     n = len(turning)
-    box = np.where(turning, np.pi, reach)
-    generator = np.random.default_rng(1)
+    unit = np.where(turning, 1.0, fineness(size))
+    box = np.where(turning, np.pi, reach_of(size))
+    places = np.random.default_rng(1).uniform(-box, box, (starts - 1, n))
+    places[1::2] *= unit  # every other one is within reach of a small scene
     found: list[Rest] = []
-    for start in [np.zeros(n), *generator.uniform(-box, box, (starts - 1, n))]:
-        root = newton(f, jacobian, start)
+
+    def values(y: np.ndarray) -> np.ndarray:
+        return f(unit * y)
+
+    def slopes(y: np.ndarray) -> np.ndarray:
+        return np.asarray(jacobian(unit * y), float) * unit
+
+    for start in [np.zeros(n), *(places / unit)]:
+        root = newton(values, slopes, start)
         if root is None or any(_member(root, other, turning) for other in found):
             continue
-        rest = _family(f, jacobian, root)
+        rest = _family(values, slopes, root)
         rest = Rest(within_a_turn(rest.at, turning), rest.free, rest.along, rest.straight)
         if not any(rest.free == o.free and _same(rest.at, o.at, turning) for o in found):
             found.append(rest)
-    return sorted(found, key=lambda rest: tuple(np.round(rest.at, 9)))
+    found = sorted(found, key=lambda rest: tuple(np.round(rest.at, 9)))
+    return [_scaled(rest, unit) for rest in found]
+
+
+def _scaled(rest: Rest, unit: np.ndarray) -> Rest:
+    """Return a state of rest found in units of the scene, in SI units."""
+    return Rest(rest.at * unit, rest.free, rest.along * unit[:, None] / unit[list(rest.free)], rest.straight)
 
 
 def within_a_turn(x: np.ndarray, turning: np.ndarray) -> np.ndarray:
@@ -156,16 +202,27 @@ def newton(f: Functions, jacobian: Functions, x: np.ndarray) -> np.ndarray | Non
     return None
 
 
-def plain(value: float) -> sympy.Expr:
-    """Return a float, or the multiple of π/2 that it is."""
+def plain(value: float, fine: float = 1.0) -> sympy.Expr:
+    """Return a float, or the multiple of π/2 that it is.
+
+    Parameters
+    ----------
+    fine : `fineness` of the scene, of which a part is nothing
+    """
     import sympy as sp
 
     turns = round(value / (np.pi / 2))
-    return turns * sp.pi / 2 if abs(value - turns * np.pi / 2) < 1e-9 else sp.Float(value)
+    near = abs(value - turns * np.pi / 2) < _NOTHING * (1.0 if turns else fine)
+    return turns * sp.pi / 2 if near else sp.Float(value)
 
 
-def values_at(rest: Rest, unknowns: Sequence[sympy.Symbol]) -> dict[sympy.Symbol, sympy.Expr]:
-    """Return {unknown: value}; a free one stands for itself, and those that follow from it contain it."""
+def values_at(rest: Rest, unknowns: Sequence[sympy.Symbol], fine: float = 1.0) -> dict[sympy.Symbol, sympy.Expr]:
+    """Return {unknown: value}; a free one stands for itself, and those that follow from it contain it.
+
+    Parameters
+    ----------
+    fine : `fineness` of the scene
+    """
     import sympy as sp
 
     values = {}
@@ -174,7 +231,7 @@ def values_at(rest: Rest, unknowns: Sequence[sympy.Symbol]) -> dict[sympy.Symbol
             values[x] = x
         else:
             moved = zip(rest.along[i].tolist(), rest.free, strict=True) if rest.straight else ()
-            values[x] = sp.Add(plain(float(rest.at[i])), *(_whole(c) * unknowns[k] for c, k in moved if c))
+            values[x] = sp.Add(plain(float(rest.at[i]), fine), *(_whole(c) * unknowns[k] for c, k in moved if c))
     return values
 
 

@@ -25,6 +25,7 @@ from lmoc.symbolic.elimination import eliminate
 from lmoc.symbolic.jumps import has_cases
 from lmoc.symbolic.parameters import ParameterSymbols
 from lmoc.symbolic.rational import cancelled
+from lmoc.symbolic.search import scene_size
 from lmoc.symbolic.slope import slope
 from lmoc.symbolic.too_long import NotDerivableError, no_symbols
 
@@ -58,6 +59,8 @@ class SymbolicSystem:
         Further variables of the flat model that were requested.
     assumptions : tuple of str
         What was taken for granted about the parameter values.
+    size : float
+        The largest length among parameters and start values, m: states of rest are searched in proportion to it.
     """
 
     name: str
@@ -69,6 +72,7 @@ class SymbolicSystem:
     values: Mapping[sympy.Symbol, float] = field(default_factory=dict)
     variables: Mapping[str, sympy.Expr] = field(default_factory=dict)
     assumptions: tuple[str, ...] = ()
+    size: float = 1.0
 
     @property
     def parameters(self) -> tuple[sympy.Symbol, ...]:
@@ -200,6 +204,7 @@ def symbolic_system(
         values={s: v for s, v in interpreter.parameters.used.items() if s in occurring},
         variables={n: values_of[n] for n in variables},
         assumptions=tuple(g.text for g in reduced.guards),
+        size=scene_size(flat, reduced.values if values is None else values),
     )
 
 

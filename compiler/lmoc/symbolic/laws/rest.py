@@ -38,6 +38,7 @@ from lmoc.symbolic.places import Point
 from lmoc.symbolic.rational import cancelled
 from lmoc.symbolic.resting_loops import rests_of_loops
 from lmoc.symbolic.rests import linear_model_at
+from lmoc.symbolic.search import reach_of, scene_size
 from lmoc.symbolic.system import MOST_OPERATIONS, refuse, symbolic_system, time_stands_in_it
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import with_all_values
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
 MOST_TRIED = 256  # modes of a nonlinear scene, or of one without values, which are tried one after the other
 HOW = "the static complementarity problem of its laws"
 SAMPLES = 720  # along a coordinate that friction may hold
-REACH = 10.0  # m, on both sides
 
 
 def equilibria_with_laws(scene: Lawful, inputs: Point | None = None) -> Equilibria:
@@ -343,7 +343,7 @@ def _within_limits(
         raise refuse(f"friction holds {names} anywhere within limits that depend on each other in a nonlinear scene")
     name = held[0].name
     turning = system.reduced.flat.block_at(int(system.reduced.flat.find(name)[0])).unit in ("rad", "deg")
-    reach = np.pi if turning else REACH
+    reach = np.pi if turning else reach_of(scene_size(system.reduced.flat, scene.prepared.values))
     at = np.linspace(-reach, reach, SAMPLES + 1)
     holds = [_allowed(scene, system, rest, choice, {name: y}) for y in at.tolist()]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
