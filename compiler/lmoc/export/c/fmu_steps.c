@@ -6,8 +6,9 @@
 #include <stdio.h>
 
 static const double SHORTEST = 8e-16; /* share of the time, up to which DOP853 has no step (`engine/c/walk.c`) */
-static const double VANISHES = 1e-5;  /* of the largest determinant that there was: beyond it the coordinates tell less of
-                                         where the mechanism goes than tolerances ask for, and it may stand there for ever */
+static const double VANISHES = 1e-5;  /* of the largest determinant of a loop that there was: beyond it coordinates tell
+                                         less of where it goes than tolerances ask for, and it may stand there for ever */
+enum { OF_LOOP = 4 };                 /* unknowns of which determinants are compared so; of more they vary more */
 enum { STANDING = 1000 };             /* events in a row between which the time does not go on */
 
 /* Whether the closures of loops still stand as they did at the start: where one of their determinants changes its sign or
@@ -17,10 +18,11 @@ static int stands(fmu *f) {
   if (!f->model->branches) return 1;
   for (int64_t i = 0; i < f->model->right.block_count; i++) {
     const lmoc_block *b = f->blocks[RIGHT] + i;
+    const double least = pow(VANISHES, fmax(1, (double)b->size / OF_LOOP));
     for (int64_t j = 0; b->work && j < b->instances; j++, at++) {
       const double det = f->w[RIGHT][b->work + j];
       if (!f->now.judged) f->sign[at] = det;
-      else if (!(det * copysign(1, f->sign[at]) > VANISHES * fabs(f->sign[at]))) return 0;
+      else if (!(det * copysign(1, f->sign[at]) > least * fabs(f->sign[at]))) return 0;
       else if (fabs(det) > fabs(f->sign[at])) f->sign[at] = det;
     }
   }
