@@ -7,6 +7,7 @@ import pytest
 import sympy as sp
 from oracles.models import compiled
 from oracles.symbolic_truth import IMPLICIT
+from scipy.optimize import brentq
 
 import lmoc
 from lmoc.messages.diagnostics import ModelError
@@ -233,6 +234,28 @@ def test_equilibria_of_any_size_are_seen(width):
     )
     found = [float(e["x"]) / width for e in dae.equilibria()]
     assert found == pytest.approx([-1.9150080481545, 0.0, 1.9150080481545], abs=1e-9)
+
+
+def test_equations_of_very_different_sizes_leave_nothing_free():
+    """Written with R^2 as a factor, one is 1e13 times the other, which was taken for a state of rest at any y."""
+    dae = lmoc.compile_text(
+        """
+        model Two
+          parameter Real a(unit = "m") = 1, R(unit = "m") = 6.4e6, k(unit = "1/s2") = 100, c(unit = "1/s") = 1;
+          Real x(unit = "m"), v(unit = "m/s"), y(unit = "m"), u(unit = "m/s");
+        equation
+          der(x) = v;
+          der(v) = -k*x*(1 - 1.2*a/sqrt(x^2 + a^2)) - c*v + k*(y - x)^3/R^2;
+          der(y) = u;
+          der(u) = -k*y*(1 - 1.2*a/sqrt(y^2 + a^2)) - c*u + 0.1*k*x;
+        end Two;
+        """
+    )
+    found = sorted((float(e["x"]), float(e["y"])) for e in dae.equilibria())
+    beside = np.sqrt(1.2**2 - 1)
+    far = brentq(lambda y: y * (1 - 1.2 / np.hypot(y, 1)) - 0.1 * beside, 0.7, 2)
+    expected = [(-beside, -far), (0, -beside), (0, 0), (0, beside), (beside, far)]
+    assert np.array(found) == pytest.approx(np.array(expected), abs=1e-9)
 
 
 def test_even_roots_are_exact_where_their_sign_is_known():

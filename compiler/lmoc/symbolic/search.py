@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _REACH = 10.0  # half the side of the box that is searched, in SI units …
 _SIZES = 3.0  # … and in sizes of the scene, where that is more
+_LOOKED_AT = 5  # starts at which the sizes of equations are taken
 _LARGEST = 1e7  # m; what is larger stands for infinity
 _SMALL = 1e3  # sizes of the scene: a metre is no larger than so many of them
 SINGULAR = 1e-7  # of the largest singular value
@@ -87,16 +88,19 @@ def rests(f: Functions, jacobian: Functions, turning: np.ndarray, starts: int, s
     unit = np.where(turning, 1.0, fineness(size))
     box = np.where(turning, np.pi, reach_of(size))
     places = np.random.default_rng(1).uniform(-box, box, (starts - 1, n))
-    places[1::2] *= unit  # every other one is within reach of a small scene
+    # the largest length may be that of the earth, or a gap: every other one is within 10 m, or a small scene's reach
+    places[1::2] *= np.where(turning, 1.0, _REACH * unit / box)
+    starting = [np.zeros(n), *(places / unit)]
+    row = _row_sizes([np.asarray(jacobian(unit * y), float) * unit for y in starting[:_LOOKED_AT]])
     found: list[Rest] = []
 
     def values(y: np.ndarray) -> np.ndarray:
-        return f(unit * y)
+        return np.asarray(f(unit * y), float) / row
 
     def slopes(y: np.ndarray) -> np.ndarray:
-        return np.asarray(jacobian(unit * y), float) * unit
+        return np.asarray(jacobian(unit * y), float) * unit / row[:, None]
 
-    for start in [np.zeros(n), *(places / unit)]:
+    for start in starting:
         root = newton(values, slopes, start)
         if root is None or any(_member(root, other, turning) for other in found):
             continue
@@ -106,6 +110,17 @@ def rests(f: Functions, jacobian: Functions, turning: np.ndarray, starts: int, s
             found.append(rest)
     found = sorted(found, key=lambda rest: tuple(np.round(rest.at, 9)))
     return [_scaled(rest, unit) for rest in found]
+
+
+def _row_sizes(slopes: list[np.ndarray]) -> np.ndarray:
+    """Return the sizes of as many equations as there are unknowns: one that is 1e13 times another is no rank lost.
+
+    Where there are more equations, least squares weigh them as they are.
+    """
+    m, n = np.atleast_2d(slopes[0]).shape
+    found = np.array([np.abs(a).max(axis=1, initial=0.0) for a in slopes if np.isfinite(a).all()])
+    largest = found.max(axis=0, initial=0.0) if len(found) else np.zeros(m)
+    return np.where((largest > 0) & (m == n), largest, 1.0)
 
 
 def _scaled(rest: Rest, unit: np.ndarray) -> Rest:
