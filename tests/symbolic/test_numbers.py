@@ -10,10 +10,12 @@ from oracles.symbolic_truth import IMPLICIT
 from scipy.optimize import brentq
 
 import lmoc
+from lmoc.ir.prepared import Prepared
 from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.linearize import linearize
 from lmoc.symbolic.numeric import MOST_STATES as LARGEST
 from lmoc.symbolic.numeric import NumericSystem, linearize_numerically
+from lmoc.symbolic.rests import equilibria_numerically
 from lmoc.symbolic.too_long import NoSymbolsError
 
 ROOT = Path(__file__).parents[2]
@@ -147,6 +149,28 @@ def test_a_scene_too_large_for_symbols_still_rests():
     (found,) = dae.equilibria()
     assert found.isolated and all(abs(float(v)) < 1e-12 for v in found.values.values())
     assert found.stability == "asymptotically stable" and "Newton" in found.how
+
+
+@pytest.mark.parametrize("k", [1e3, 1e11, 1e16])
+def test_what_is_stiff_leaves_nothing_beside_it_free(k):
+    dae = lmoc.compile_text(
+        f"""
+        model Beside
+          Fixed wall;
+          Mass a(m = 1, g = 9.81), b(m = 1, g = 9.81), car(m = 1);
+          Spring stiff(k = {k}), soft(k = 1);
+        equation
+          connect(wall.flange, stiff.a);
+          connect(stiff.b, a.flange);
+          connect(wall.flange, soft.a);
+          connect(soft.b, b.flange);
+        end Beside;
+        """
+    )
+    (found,) = equilibria_numerically(Prepared(dae.flat, dae.reduced, dae.values), {})
+    assert [x.name for x in found.free] == ["car.q"]
+    assert float(found["b.q"]) == pytest.approx(9.81)
+    assert float(found["a.q"]) == pytest.approx(9.81 / k, rel=1e-9, abs=1e-12)
 
 
 def test_equilibria_know_their_inputs():

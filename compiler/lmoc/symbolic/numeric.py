@@ -236,7 +236,10 @@ class NumericSystem:
 
 
 def _newton_step(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The solution of A x = b, the shortest best one where A is singular."""
+    """The solution of A x = b, the shortest best one where A is singular: rows of one size, whatever is stiff."""
+    largest = np.abs(A).max(axis=1, initial=0.0)
+    largest = np.where(largest > 0, largest, 1.0)
+    A, b = A / largest[:, None], b / largest
     try:
         x = np.linalg.solve(A, b)
     except np.linalg.LinAlgError:

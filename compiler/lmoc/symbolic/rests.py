@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from lmoc.symbolic.linearize import LinearModel
 
 STARTS = 40  # of Newton's method with several coordinates
+_ROUNDED = 1e-3  # as `fineness`: one linear system is solved to more digits than a search finds
+_DEPENDENT = 1e-12  # singular values of a linear scene in rows of one size: as small, they are rounding of zero
 NO_RATE = 1e-9  # rad/s² or m/s², of a mechanism that nothing moves
 MOST_TURN = 0.5  # of the slope of a dependent coordinate between two points of a walk
 WALK = 720  # points along one coordinate, each way
@@ -120,7 +122,7 @@ def _linear(reduced: Reduced, values: np.ndarray, system: NumericSystem, u: np.n
     rest = Rest(found, *_null_space(model.A))
     symbols = _symbols(system.states)
     member = Rest(found - rest.along @ found[list(rest.free)], rest.free, rest.along)
-    at = values_at(member, symbols, fineness(scene_size(reduced.flat, values)))
+    at = values_at(member, symbols, _ROUNDED)
     free = tuple(symbols[i] for i in rest.free)
     given = dict(zip(_symbols(system.inputs), _floats(u), strict=True))
     return Equilibria([Equilibrium(at, free, how=how, model=model, inputs=given)], how)
@@ -130,8 +132,9 @@ def _null_space(A: np.ndarray) -> tuple[tuple[int, ...], np.ndarray]:
     """The states that may have any value, and how the others follow them."""
     if not len(A):
         return (), np.zeros((0, 0))
-    _, singular, right = np.linalg.svd(A)
-    null = right[singular <= 1e-10 * singular.max(initial=1.0)].T
+    size = np.abs(A).max(axis=1, keepdims=True)  # a contact of 1e11 N/m beside a spring of 1 N/m leaves nothing free
+    _, singular, right = np.linalg.svd(A / np.where(size > 0, size, 1.0))
+    null = right[singular <= _DEPENDENT].T
     free = largest_rows(null)
     along = null @ np.linalg.inv(null[list(free)]) if free else np.zeros((len(A), 0))
     return free, np.round(along, 12) + 0.0
