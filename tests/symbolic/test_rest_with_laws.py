@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from oracles.models import compiled
 from oracles.two_bobs import TWO_BOBS
+from scipy.optimize import brentq
 
 import lmoc
 from lmoc.cli.main import main
@@ -261,3 +262,18 @@ equation
 end Elevator;"""
     with pytest.raises(lmoc.ModelError, match=r"no conditions of rest: 'der\(cabin\.v\)' without a finite value"):
         getattr(lmoc.compile_text(text), verb)()
+
+
+@pytest.mark.parametrize("g", [0.37, 1.7, 3.3, 9.81, -9.81])
+@pytest.mark.parametrize("size", [1.0, 1e-9])
+def test_a_root_that_is_right_to_rounding_is_a_state_of_rest(g: float, size: float) -> None:
+    """What rounding leaves of a root was compared with the force of an open stop, which is as small."""
+    text = f"""model Hardening
+  Fixed w; Mass m(m = 1, g = {g * size}); Spring s(k = 2); CubicSpring c(k = {2 / size**2}); Stop stop(L = 0);
+equation
+  connect(w.flange, s.a); connect(s.b, m.flange); connect(w.flange, c.a); connect(c.b, m.flange);
+  connect(w.flange, stop.a); connect(stop.b, m.flange);
+end Hardening;"""
+    (rest,) = lmoc.compile_text(text).equilibria()
+    expected = brentq(lambda q: 2 * q + 2 * q**3 - g, 0, 3) if g > 0 else 0.0
+    assert float(rest["m.q"]) == pytest.approx(expected * size, rel=1e-9)

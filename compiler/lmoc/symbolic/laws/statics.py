@@ -371,12 +371,24 @@ def holds(statics: Statics, x: Array, choice: LawChoice) -> bool:
     force, _, rank, _ = np.linalg.lstsq(matrix[:, len(x) :], -constant, rcond=None)
     if rank < statics.laws:  # forces that are not determined: some of them may do
         return Polyhedra(_about_point(statics, x)).has_point(choice)
-    z, strongest = np.concatenate([x, force]), np.abs(force).max(initial=0.0)
-    sizes = np.concatenate([np.abs(x), np.full(len(force), strongest)])
+    z = np.concatenate([x, force])
+    sizes = np.concatenate([np.abs(x), np.maximum(np.abs(force).max(initial=0.0), _able(equal, x))])
     value = np.array([row @ z + c for row, c in equal + least])
     size = np.array([np.abs(row) @ sizes + abs(c) for row, c in equal + least])
     balanced = np.abs(value[: len(equal)]) <= ZERO * size[: len(equal)]
     return bool(balanced.all() and (value[len(equal) :] >= -ROUNDING * size[len(equal) :]).all())
+
+
+def _able(equal: list[tuple[Array, float]], x: Array) -> Array:
+    """Return the forces, (laws,), that could balance the largest terms at a point: rounding is a part of them.
+
+    A law that is open carries what the rounding of a root leaves, which is all that there is of forces.
+    """
+    matrix, n = np.array([row for row, _ in equal]), len(x)
+    terms = np.abs(matrix[:, :n]) @ np.abs(x) + np.abs([c for _, c in equal])
+    acts = np.abs(matrix[:, n:])
+    found: Array = np.divide(terms[:, None], acts, out=np.zeros_like(acts), where=acts > 0).max(axis=0, initial=0.0)
+    return found
 
 
 def _about_point(statics: Statics, x: Array) -> Statics:
