@@ -277,3 +277,19 @@ end Hardening;"""
     (rest,) = lmoc.compile_text(text).equilibria()
     expected = brentq(lambda q: 2 * q + 2 * q**3 - g, 0, 3) if g > 0 else 0.0
     assert float(rest["m.q"]) == pytest.approx(expected * size, rel=1e-9)
+
+
+@pytest.mark.parametrize(("g", "F"), [(0.37, 0.5), (3.3, 1e-6), (9.81, 0.5)])
+@pytest.mark.parametrize("size", [1.0, 1e-6, 100.0])
+def test_friction_holds_within_narrow_and_wide_limits(g: float, F: float, size: float) -> None:
+    """A grid of 28 mm over 10 m on both sides saw neither what is narrower nor what is farther away."""
+    text = f"""model Held
+  Fixed w; Mass m(m = 1, g = {g * size}); DryFriction f(F = {F * size});
+  Spring s(k = 2); CubicSpring c(k = {2 / size**2});
+equation
+  connect(w.flange, s.a); connect(s.b, m.flange); connect(w.flange, c.a); connect(c.b, m.flange);
+  connect(w.flange, f.a); connect(f.b, m.flange);
+end Held;"""
+    (rest,) = lmoc.compile_text(text).equilibria()
+    limits = [brentq(lambda q, load=load: 2 * q + 2 * q**3 - load, -3, 3, xtol=1e-15) for load in (g - F, g + F)]
+    assert np.array(rest.laws.range["m.q"]) / size == pytest.approx(limits, rel=1e-8)

@@ -57,8 +57,9 @@ def scene_size(flat: FlatDAE, values: np.ndarray) -> float:
 
     Parameters
     ----------
-    values : (flat.count,) parameter values
+    values : parameter values of the model as it is written, or with those that a reduction has added
     """
+    values = flat.extended(values)
     own = np.where(flat.kind <= Kind.PARAMETER, values, own_starts(flat, values)[0])
     lengths = np.abs(own[flat.per_variable(lambda b: b.unit == "m", bool)])
     return float(lengths[lengths <= _LARGEST].max(initial=0.0)) or 1.0

@@ -31,6 +31,7 @@ from lmoc.symbolic.laws.statics import (
     Polyhedra,
     StaticSystem,
     choices,
+    held_forces,
     holds,
 )
 from lmoc.symbolic.numeric import NumericSystem, contains_time
@@ -49,7 +50,10 @@ if TYPE_CHECKING:
 
 MOST_TRIED = 256  # modes of a nonlinear scene, or of one without values, which are tried one after the other
 HOW = "the static complementarity problem of its laws"
-SAMPLES = 720  # along a coordinate that friction may hold
+SAMPLES = 720  # along a coordinate that friction may hold …
+DENSITY = 27.0  # … about zero
+FAR = 1e3  # times as far as roots are searched: friction holds within wide limits
+HALVINGS = 60  # of an interval with an edge, or a root
 
 
 def equilibria_with_laws(scene: Lawful, inputs: Point | None = None) -> Equilibria:
@@ -343,8 +347,7 @@ def _within_limits(
         raise refuse(f"friction holds {names} anywhere within limits that depend on each other in a nonlinear scene")
     name = held[0].name
     turning = system.reduced.flat.block_at(int(system.reduced.flat.find(name)[0])).unit in ("rad", "deg")
-    reach = np.pi if turning else reach_of(scene_size(system.reduced.flat, scene.prepared.values))
-    at = np.linspace(-reach, reach, SAMPLES + 1)
+    at = _looked_at(scene, system, rest, choice, name, turning)
     holds = [_allowed(scene, system, rest, choice, {name: y}) for y in at.tolist()]
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(int)))
     result = []
@@ -362,11 +365,37 @@ def _within_limits(
     return result
 
 
+def _looked_at(
+    scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: LawChoice, name: str, turning: bool
+) -> Array:
+    """Return places of a free state, by rising values: a grid, and where friction that holds it carries nothing.
+
+    However narrow an interval is, that is within it, unless the force turns back there.
+    """
+    far = FAR * reach_of(scene_size(system.reduced.flat, scene.prepared.values))
+    share = np.linspace(-1.0, 1.0, SAMPLES + 1)
+    at = np.pi * share if turning else far * np.sinh(DENSITY * share) / np.sinh(DENSITY)
+
+    def carried(y: float) -> Array:
+        x = _point(scene, system, rest, {name: y})
+        return held_forces(system.about(x), x, choice)[_is_held(scene, choice)]
+
+    signs = np.sign([carried(y) for y in at.tolist()])
+    found = []
+    for k, law in np.argwhere(signs[:-1] * signs[1:] < 0).tolist():
+        low, high = float(at[k]), float(at[k + 1])
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if np.sign(carried(middle)[law]) == signs[k, law] else (low, middle)
+        found.append(0.5 * (low + high))
+    return np.unique(np.concatenate([at, found]))
+
+
 def _edge(
     scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: LawChoice, name: str, outside: float, inside: float
 ) -> float:
     """Return where a free state reaches the limit of what holds it, by bisection."""
-    for _ in range(50):
+    for _ in range(HALVINGS):
         middle = 0.5 * (outside + inside)
         if _allowed(scene, system, rest, choice, {name: middle}):
             inside = middle
@@ -379,9 +408,14 @@ def _allowed(
     scene: Lawful, system: StaticSystem, rest: Equilibrium, choice: LawChoice, free: Mapping[str, float]
 ) -> bool:
     """Return whether there are forces within their limits that keep a point at rest."""
+    x = _point(scene, system, rest, free)
+    return holds(system.about(x), x, choice)
+
+
+def _point(scene: Lawful, system: StaticSystem, rest: Equilibrium, free: Mapping[str, float]) -> Array:
+    """Return the states, (n,), of an equilibrium with its free ones at some values."""
     import sympy as sp
 
     held = {s: sp.Float(free.get(s.name, 0.0)) for s in rest.free}
     at = (sp.sympify(rest.get(name, 0)).xreplace(held) for name in system.states)
-    x = np.array([places.number(scene.prepared, value, set()) for value in at])
-    return holds(system.about(x), x, choice)
+    return np.array([places.number(scene.prepared, value, set()) for value in at])

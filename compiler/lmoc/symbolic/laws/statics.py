@@ -361,15 +361,9 @@ def _size(polyhedra: Polyhedra, row: Array, constant: float) -> float:
 
 def holds(statics: Statics, x: Array, choice: LawChoice) -> bool:
     """Return whether there are forces with which a choice holds at a point."""
-    equal = [statics.rates[k] for k in range(statics.states)]
-    least: list[tuple[Array, float]] = []
-    for law in range(statics.laws):
-        own_equal, own_least = conditions(statics, choice, law)
-        equal, least = equal + own_equal, least + own_least
-    matrix = np.array([row for row, _ in equal])
-    constant = matrix[:, : len(x)] @ x + np.array([c for _, c in equal])
-    force, _, rank, _ = np.linalg.lstsq(matrix[:, len(x) :], -constant, rcond=None)
-    if rank < statics.laws:  # forces that are not determined: some of them may do
+    equal, least = _all_conditions(statics, choice)
+    force = _forces(equal, x)
+    if force is None:  # some of them may do
         return Polyhedra(_about_point(statics, x)).has_point(choice)
     z = np.concatenate([x, force])
     sizes = np.concatenate([np.abs(x), np.maximum(np.abs(force).max(initial=0.0), _able(equal, x))])
@@ -377,6 +371,33 @@ def holds(statics: Statics, x: Array, choice: LawChoice) -> bool:
     size = np.array([np.abs(row) @ sizes + abs(c) for row, c in equal + least])
     balanced = np.abs(value[: len(equal)]) <= ZERO * size[: len(equal)]
     return bool(balanced.all() and (value[len(equal) :] >= -ROUNDING * size[len(equal) :]).all())
+
+
+def held_forces(statics: Statics, x: Array, choice: LawChoice) -> Array:
+    """Return the forces, (laws,), with which a point is at rest; NaN where they are not determined."""
+    force = _forces(_all_conditions(statics, choice)[0], x)
+    return np.full(statics.laws, np.nan) if force is None else force
+
+
+def _all_conditions(
+    statics: Statics, choice: LawChoice
+) -> tuple[list[tuple[Array, float]], list[tuple[Array, float]]]:
+    """Return what vanishes at rest, and what is not negative."""
+    equal = [statics.rates[k] for k in range(statics.states)]
+    least: list[tuple[Array, float]] = []
+    for law in range(statics.laws):
+        own_equal, own_least = conditions(statics, choice, law)
+        equal, least = equal + own_equal, least + own_least
+    return equal, least
+
+
+def _forces(equal: list[tuple[Array, float]], x: Array) -> Array | None:
+    """Return the forces that come nearest to what vanishes at a point; None where they are not determined."""
+    matrix = np.array([row for row, _ in equal])
+    constant = matrix[:, : len(x)] @ x + np.array([c for _, c in equal])
+    force, _, rank, _ = np.linalg.lstsq(matrix[:, len(x) :], -constant, rcond=None)
+    found: Array | None = None if rank < matrix.shape[1] - len(x) else force
+    return found
 
 
 def _able(equal: list[tuple[Array, float]], x: Array) -> Array:
