@@ -92,7 +92,8 @@ def rests(f: Functions, jacobian: Functions, turning: np.ndarray, starts: int, s
     # the largest length may be that of the earth, or a gap: every other one is within 10 m, or a small scene's reach
     places[1::2] *= np.where(turning, 1.0, _REACH * unit / box)
     starting = [np.zeros(n), *(places / unit)]
-    row = _row_sizes([np.asarray(jacobian(unit * y), float) * unit for y in starting[:_LOOKED_AT]])
+    with np.errstate(all="ignore"):
+        row = _row_sizes([np.asarray(jacobian(unit * y), float) * unit for y in starting[:_LOOKED_AT]])
     found: list[Rest] = []
 
     def values(y: np.ndarray) -> np.ndarray:
