@@ -20,7 +20,7 @@ from lmoc.symbolic.jumps import NoDerivativeError
 from lmoc.symbolic.numeric import NumericSystem, contains_time, linearize_numerically
 from lmoc.symbolic.released import Released
 from lmoc.symbolic.resting_loops import RestOfLoops, keeps_its_closures, rests_of_loops, rests_on_curve
-from lmoc.symbolic.search import Rest, fineness, largest_rows, reach_of, rests, scene_size, values_at
+from lmoc.symbolic.search import Rest, dense_about_zero, fineness, largest_rows, reach_of, rests, scene_size, values_at
 from lmoc.symbolic.system import coordinates_of, time_stands_in_it
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ def _along(still: _AtRest) -> tuple[list[Rest], str, bool]:
     turning = bool(still.turning[0])
     far, fine = reach_of(still.size), 1.0 if turning else fineness(still.size)
     dense = 12 + np.log(far / (reach_of(1.0) * fine))
-    reach = np.linspace(0, 2 * np.pi, WALK) if turning else far * np.sinh(np.linspace(0, dense, WALK)) / np.sinh(dense)
+    reach = np.linspace(0, 2 * np.pi, WALK) if turning else dense_about_zero(np.linspace(0, 1, WALK), far, dense)
     found: list[float] = []
     largest, whole = 0.0, True
     for way in (1.0, -1.0):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.support.records import dataclass
-from lmoc.symbolic.search import fineness, plain, reach_of, rests, values_at
+from lmoc.symbolic.search import dense_about_zero, fineness, plain, reach_of, rests, values_at
 from lmoc.symbolic.slope import in_numpy, slope
 from lmoc.symbolic.values import no_value
 
@@ -136,7 +136,7 @@ def _spread(size: float) -> np.ndarray:
     """Points in the reach, their distance from each other about a hundredth of that from zero."""
     reach = reach_of(size)
     density = DENSITY + np.log(reach / (reach_of(1.0) * fineness(size)))
-    return reach * np.sinh(density * (np.linspace(-1, 1, SAMPLES) + 1e-9)) / np.sinh(density)
+    return dense_about_zero(np.linspace(-1, 1, SAMPLES) + 1e-9, reach, density)
 
 
 def _sign_changes(equation: sympy.Expr, x: sympy.Symbol, grid: np.ndarray) -> list[float]:

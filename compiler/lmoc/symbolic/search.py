@@ -70,6 +70,12 @@ def reach_of(size: float) -> float:
     return max(_REACH, _SIZES * size)
 
 
+def dense_about_zero(share: np.ndarray, reach: float, density: float) -> np.ndarray:
+    """Return places within a reach for shares of the way there, from -1 to 1: the nearer to zero, the denser."""
+    places: np.ndarray = reach * np.sinh(density * share) / np.sinh(density)
+    return places
+
+
 def fineness(size: float) -> float:
     """Return the length, m, of which tolerances are parts: 1, and less where the scene is smaller than a millimetre."""
     return min(1.0, _SMALL * size)

@@ -12,7 +12,7 @@ from lmoc.symbolic.equilibria import Equilibrium
 from lmoc.symbolic.laws.at_point import held_forces, holds
 from lmoc.symbolic.laws.modes import Lawful
 from lmoc.symbolic.laws.statics import CLOSED, FRICTIONS, Array, LawChoice, StaticSystem
-from lmoc.symbolic.search import reach_of, scene_size
+from lmoc.symbolic.search import dense_about_zero, reach_of, scene_size
 from lmoc.symbolic.system import refuse
 
 SAMPLES = 720  # along a coordinate that friction may hold …
@@ -65,7 +65,7 @@ def _looked_at(
     """
     far = FAR * reach_of(scene_size(system.reduced.flat, scene.prepared.values))
     share = np.linspace(-1.0, 1.0, SAMPLES + 1)
-    at = np.pi * share if turning else far * np.sinh(DENSITY * share) / np.sinh(DENSITY)
+    at = np.pi * share if turning else dense_about_zero(share, far, DENSITY)
 
     def carried(y: float) -> Array:
         x = _point(scene, system, rest, {name: y})
