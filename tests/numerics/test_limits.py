@@ -46,7 +46,7 @@ def test_an_output_time_just_before_an_event_is_that_of_the_event(apart, same):
 
 def test_what_rounding_leaves_of_a_zero_does_not_grow():
     """Rows and columns are equilibrated anew where an entry has grown; how large a rounding error is is chance."""
-    own = Equilibration((1, 2), np.array([0, 0]), np.array([0, 1]))
+    own = Equilibration((1, 2), np.array([0, 0]), np.array([0, 1]), np.ones(2))
     for small, kept in ((1e-17, False), (1e-13, True), (1e-6, False)):
         before = own.scales
         own.grow(np.array([1.0, small]))
@@ -57,7 +57,8 @@ def test_what_rounding_leaves_of_a_zero_does_not_grow():
 @pytest.mark.parametrize("share, counts", [(5e-13, False), (5e-12, True)])
 def test_entries_that_rounding_has_left_do_not_count(share, counts):
     """NO_ENTRY: a column of them is none, and keeps the factor 1; no coordinate that could depend by it is chosen."""
-    _, columns, shares = equilibrated((2, 2), np.arange(4, dtype=np.int32), np.array([1.0, share, 1.0, share]))
+    size = np.array([1.0, share, 1.0, share])
+    _, columns, shares = equilibrated((2, 2), np.arange(4, dtype=np.int32), size, np.ones(2))
     assert bool(columns[1] != 1.0) is counts
     assert shares[1] == (share if counts else 1.0)
 

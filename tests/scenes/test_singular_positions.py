@@ -1,5 +1,7 @@
 """Places at which coordinates or constraints come to an end: right on the other side, or a clear stop; never wrong."""
 
+import re
+
 import numpy as np
 import pytest
 from oracles.models import CONNECTED_SLIDER_CRANK, PARALLELOGRAM
@@ -308,3 +310,23 @@ def test_a_start_at_a_singular_position_is_told(angle, speed):
     text = text.replace("start = up", f"start = {angle}").replace("start = -up", f"start = {-angle}")
     with pytest.raises(lmoc.ModelError, match="E0535.*starts at a singular position"):
         lmoc.compile_text(text).simulate()
+
+
+def resized(text: str, size: float) -> str:
+    """A mechanism of so many times its size that moves as before: with gravity and inertias in proportion."""
+    text = re.sub(r"\b(l|x|s\(start) = ([-+.e\d]+)", lambda m: f"{m[1]} = {float(m[2]) * size!r}", text)
+    text = re.sub(r"\bJ = ([.\d]+)", lambda m: f"J = {float(m[1]) * size**2!r}", text)
+    return re.sub(r"World world(\(g = 0\))?", lambda m: m[0] if m[1] else f"World world(g = {G * size!r})", text)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-4, 100.0, 1e6])
+def test_a_mechanism_of_any_size_passes_its_singular_positions(size):
+    run = lmoc.compile_text(resized(PARALLELOGRAM, size)).simulate(stop=4, points=21, rtol=1e-8)
+    assert run["first.phi"] == pytest.approx(np.pi / 2 - upright(1.2, -1, run.time), abs=1e-6)
+    assert [n.message.split(" were")[0] for n in run.notes if n.code == "N0633"] == ["4 singular positions"]
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-6])
+def test_a_start_next_to_a_singular_position_is_told_at_any_size(size):
+    with pytest.raises(lmoc.ModelError, match="E0535.*starts (next to|at) a singular position"):
+        lmoc.compile_text(resized(isosceles_before_its_line(1e-6), size)).simulate()

@@ -72,17 +72,12 @@ int lmoc_coordinates_vanish(lmoc_coordinates *c, int64_t k) {
     ask(c, LMOC_VANISHES, 0, 0, k, k);
     return c->answer != 0;
   }
-  const double *m = matrix(c, k);
-  double check = 0;
-  for (int64_t i = 0; i < c->rows; i++) {
-    double most = 0;
-    for (int64_t j = 0; j < c->columns; j++) most = fmax(most, fabs(m[i*c->columns + j]));
-    for (int64_t j = 0; j < c->rows; j++) {
-      c->work[j*c->rows + i] = m[i*c->columns + j] / (most > 0 ? most : 1);
-      check += 0*c->work[j*c->rows + i];
-    }
-  }
-  return check != 0 || singular_value(c, c->rows, c->work, 0) < c->by.vanishing;
+  double *own = c->work, *dependent = own + c->count;
+  memcpy(own, matrix(c, k), c->count * sizeof(double));
+  lmoc_rows_of_one_size(c->rows, c->columns, c->count, c->place, c->units, own, dependent);
+  for (int64_t i = 0; i < c->rows; i++)
+    for (int64_t j = 0; j < c->rows; j++) dependent[j*c->rows + i] = own[i*c->columns + j];
+  return singular_value(c, c->rows, dependent, 0) < c->by.vanishing; /* 0 where it is no matrix of numbers */
 }
 
 /* Compare entries in the sizes to which they have grown. Singular values shrink by no more than the factors of a row and of
@@ -92,8 +87,8 @@ static void rescale(lmoc_coordinates *c) {
   double *before_row = c->work, *before_column = before_row + rows, row = INFINITY, column = INFINITY;
   memcpy(before_row, c->row_factor, rows * sizeof(double));
   memcpy(before_column, c->column_factor, columns * sizeof(double));
-  lmoc_equilibrate(&c->by, rows, columns, c->count, c->place, c->size, (int)c->equilibrated, c->row_factor,
-                   c->column_factor, c->range, before_column + columns);
+  lmoc_equilibrate(&c->by, rows, columns, c->count, c->place, c->size, c->units, (int)c->equilibrated,
+                   c->row_factor, c->column_factor, c->range, before_column + columns);
   for (int64_t i = 0; i < rows; i++) row = fmin(row, c->row_factor[i]/before_row[i]);
   for (int64_t j = 0; j < columns; j++) column = fmin(column, c->column_factor[j]/before_column[j]);
   memset(c->work, 0, rows * sizeof(double));
@@ -184,6 +179,20 @@ static double unexplained(const lmoc_coordinates *c, int64_t a, int64_t b, int64
   return rest == rest ? fabs(rest) : 0;
 }
 
+/* What counts as a radian of a coordinate. Equilibration leaves open in what unit all of them are: in small mechanisms those
+   of angles are far from 1. */
+static double radian(const lmoc_coordinates *c, int64_t column) {
+  double sum = 0;
+  int64_t angles = 0, all = 1;
+  for (int64_t j = 0; j < c->columns; j++) {
+    const int angle = c->units[j] == 1;
+    sum += angle ? c->column_factor[j] : 0;
+    angles += angle;
+    all &= angle;
+  }
+  return c->column_factor[column]*(all ? 1 : angles ? angles/sum : c->units[column]);
+}
+
 /* The watched coordinate that velocities explain least, if it is to be looked at what happens within the step; else -1. */
 static int64_t unexplained_one(const lmoc_coordinates *c) {
   double most = -INFINITY, way = 0, rest = 0;
@@ -195,8 +204,9 @@ static int64_t unexplained_one(const lmoc_coordinates *c) {
     most = left - c->by.unexplained*own;
     found = r, way = own, rest = left;
   }
-  if (found < 0 || !(rest > c->by.unexplained*way + c->by.rounding)) return -1;
-  return rest < c->by.neighbours*c->column_factor[c->row[found]] ? -1 : found;
+  if (found < 0 || !(rest > c->by.unexplained*way)) return -1;
+  const double unit = radian(c, c->row[found]);
+  return rest > c->by.unexplained*way + c->by.rounding*unit && rest >= c->by.neighbours*unit ? found : -1;
 }
 
 /* Look at the middle between two places. */
@@ -224,7 +234,7 @@ static int keeps_on(lmoc_coordinates *c) {
     left = unexplained(c, a, b, row);
     most = fmax(most, left); /* a prescribed motion that turns round within the step has hardly come on in all */
   }
-  if (left <= c->by.at_once*most + c->by.rounding) return 1;
+  if (left <= c->by.at_once*most + c->by.rounding*radian(c, c->row[row])) return 1;
   c->singular = (place(c, a)[TIME] + place(c, b)[TIME])/2;
   return 0;
 }

@@ -12,15 +12,17 @@ enum { NORMALIZATIONS = 30, AGAIN = 6, EXCHANGES = 4 }; /* of rows and columns; 
 /* By alternating normalization of the squared entries (Sinkhorn and Knopp, Pacific J. Math. 21, 1967) until that changes
    little. Rows and columns of nothing keep the factor 1. */
 void lmoc_equilibrate(const lmoc_coordinate_limits *by, int64_t rows, int64_t columns, int64_t count, const int32_t *place,
-                      const double *size, int again, double *row, double *column, double *range, double *work) {
+                      const double *size, const double *units, int again, double *row, double *column, double *range,
+                      double *work) {
   double *largest = work, *in_row = largest + rows, *squared_row = in_row + rows, *in_column = squared_row + rows,
          *sum = in_column + columns, *squared = sum + columns, *square = squared + columns;
   memset(work, 0, (3*rows + 3*columns) * sizeof(double));
   memset(range, 0, columns * sizeof(double));
-  for (int64_t k = 0; k < count; k++) largest[place[k]/columns] = fmax(largest[place[k]/columns], size[k]);
+  for (int64_t k = 0; k < count; k++)
+    largest[place[k]/columns] = fmax(largest[place[k]/columns], size[k]*units[place[k] % columns]);
   for (int64_t k = 0; k < count; k++) {
     const int64_t i = place[k]/columns, j = place[k] % columns;
-    square[k] = size[k]*0 == 0 && size[k] > by->no_entry*largest[i] ? size[k]*size[k] : 0;
+    square[k] = size[k]*0 == 0 && size[k]*units[j] > by->no_entry*largest[i] ? size[k]*size[k] : 0;
     in_row[i] += square[k];
     in_column[j] += square[k];
     if (square[k] > 0) range[j] = fmax(range[j], size[k]/largest[i]); /* of what rounding leaves of zeros there is none */
@@ -46,6 +48,16 @@ void lmoc_equilibrate(const lmoc_coordinate_limits *by, int64_t rows, int64_t co
   }
   for (int64_t i = 0; i < rows; i++) row[i] = sqrt(squared_row[i]);
   for (int64_t j = 0; j < columns; j++) column[j] = sqrt(squared[j]);
+}
+
+void lmoc_rows_of_one_size(int64_t rows, int64_t columns, int64_t count, const int32_t *place, const double *units,
+                           double *entries, double *work) {
+  memset(work, 0, rows * sizeof(double));
+  for (int64_t k = 0; k < count; k++) {
+    entries[k] *= units[place[k] % columns];
+    work[place[k]/columns] = fmax(work[place[k]/columns], fabs(entries[k]));
+  }
+  for (int64_t k = 0; k < count; k++) entries[k] /= work[place[k]/columns] > 0 ? work[place[k]/columns] : 1;
 }
 
 int lmoc_states_by_pivots(const lmoc_coordinate_limits *by, int64_t rows, int64_t columns, double *a, int32_t *held) {

@@ -14,9 +14,16 @@ typedef struct {
 } lmoc_coordinate_limits;
 
 /* Factors with which rows and columns of entries (count,) of these sizes have one length, and the largest share of each
-   column in a row. `again` where those of sizes a little smaller stand there. `work` is (3 rows, 3 columns, count). */
+   column in a row, by its unit (columns,). `again` where those of sizes a little smaller stand there. `work` is (3 rows,
+   3 columns, count). */
 void lmoc_equilibrate(const lmoc_coordinate_limits *by, int64_t rows, int64_t columns, int64_t count, const int32_t *place,
-                      const double *size, int again, double *row, double *column, double *range, double *work);
+                      const double *size, const double *units, int again, double *row, double *column, double *range,
+                      double *work);
+
+/* Bring the rows of entries (count,) to one size at a place, with coordinates in units (columns,): in metres lengths would be
+   as large beside the angles of a small mechanism as it is small, whatever its position. `work` is (rows,). */
+void lmoc_rows_of_one_size(int64_t rows, int64_t columns, int64_t count, const int32_t *place, const double *units,
+                           double *entries, double *work);
 
 /* The columns that are the states after the dependent coordinates have been chosen anew, by elimination with full
    pivoting, first in `held` (columns,); 0 where the rows depend on each other, or where they are the present ones. `matrix` is
@@ -47,6 +54,7 @@ typedef struct {
   int64_t blocks;                /* constraints are seen block by block: `ask` knows how */
   int64_t ranked;                /* whether constraints may not come to depend on each other */
   const int32_t *row;            /* (watched,) dependent coordinates that change along the motion */
+  const double *units;           /* (columns,) of coordinates: 1 for angles, 1 or what suits a mechanism's size for lengths */
   const uint8_t *barred;         /* (watched,) 1 for those that cannot be states */
   void *owner;
   int (*ask)(void *owner, int what, double time, const double *x, int64_t k, int64_t other);

@@ -49,6 +49,7 @@ void lmoc_page_read_coordinates(lmoc_page *p, lmoc_bytes *b) {
   c->columns = lmoc_read_integer(b);
   c->ranked = lmoc_read_integer(b);
   c->row = lmoc_read_integers(b, &c->watched);
+  c->units = lmoc_read_reals(b, &count);
   v->watch.entry = lmoc_read_integers(b, &v->watch.entry_count);
   v->watch.target = lmoc_read_integers(b, &count);
   v->watch.told = lmoc_read_integers(b, &c->told);

@@ -13,7 +13,11 @@ from lmoc.numerics.coordinates.limits import LIMITS, limits_in_c
 
 
 def equilibrated(
-    shape: tuple[int, int], place: np.ndarray, size: np.ndarray, before: np.ndarray | None = None
+    shape: tuple[int, int],
+    place: np.ndarray,
+    size: np.ndarray,
+    units: np.ndarray,
+    before: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return factors of rows and columns with which entries of these sizes have one length, and the columns' shares.
 
@@ -23,12 +27,13 @@ def equilibrated(
     ----------
     shape : numbers of rows and columns
     place, size : (n,) where the entries stand in the matrix by rows (int32), and their magnitudes
+    units : (columns,) of the coordinates
     before : factors of the columns of a matrix that was similar
 
     Returns
     -------
     (rows,), (columns,) and (columns,) arrays
-        The last: the largest share of each column in a row.
+        The last: the largest share of each column in a row, by its unit.
     """
     rows, columns = shape
     row, share, work = np.empty(rows), np.empty(columns), np.empty(3 * (rows + columns) + len(size))
@@ -36,7 +41,7 @@ def equilibrated(
     out = [a.ctypes.data for a in (row, column, share, work)]
     again = int(before is not None)
     library().lmoc_equilibrate(
-        limits_in_c(), rows, columns, len(size), place.ctypes.data, size.ctypes.data, again, *out
+        limits_in_c(), rows, columns, len(size), *[a.ctypes.data for a in (place, size, units)], again, *out
     )
     return row, column, share
 
@@ -53,12 +58,12 @@ class Equilibration:
     ranges : (columns,) largest share of each coordinate in an equation, for the tableau
     """
 
-    def __init__(self, shape: tuple[int, int], row: np.ndarray, column: np.ndarray) -> None:
+    def __init__(self, shape: tuple[int, int], row: np.ndarray, column: np.ndarray, units: np.ndarray) -> None:
         self.size, self.bound = np.zeros((2, len(row)))
         self._served = self.size
         self.scales: tuple[np.ndarray, np.ndarray] | None = None
         self.factor, self.ranges = self.size, np.ones(shape[1])
-        self._shape, self._row, self._column = shape, row, column
+        self._shape, self._row, self._column, self._units = shape, row, column, units
         self._place = np.ascontiguousarray(row.astype(np.int64) * shape[1] + column, np.int32)
         self._columns: np.ndarray | None = None  # the last factors of the columns
 
@@ -77,7 +82,9 @@ class Equilibration:
     def factors(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the factors of the rows and of the columns."""
         if self.scales is None:
-            row, column, self.ranges = equilibrated(self._shape, self._place, self.size, self._columns)
+            row, column, self.ranges = equilibrated(
+                self._shape, self._place, self.size, self._units, self._columns
+            )
             self.scales, self._columns, self._served = (row, column), column, self.size
             rounding = LIMITS.no_entry * largest_of(self.size, self._row, self._shape[0])[self._row]
             self.bound = LIMITS.grown * np.fmax(self.size, rounding)  # what rounding leaves is no entry

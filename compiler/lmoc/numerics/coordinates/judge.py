@@ -34,7 +34,7 @@ class _Coordinates(ctypes.Structure):
         ("by", ctypes.c_double * len(vars(LIMITS))),
         *[(n, ctypes.c_int64) for n in ("rows", "columns", "watched", "count", "told", "solved", "n")],
         *[(n, ctypes.c_int64) for n in ("blocks", "ranked")],
-        *[(n, ctypes.c_void_p) for n in ("row", "barred", "owner", "ask")],
+        *[(n, ctypes.c_void_p) for n in ("row", "units", "barred", "owner", "ask")],
         *[(n, ctypes.c_double) for n in ("limit", "alert", "singular", "answer", "recent_least")],
         *[(n, ctypes.c_int64) for n in ("accepted", "last", "lost_rank", "inside", "equilibrated", "halted")],
         *[(n, ctypes.c_void_p) for n in ("places", "size", "bound", "row_factor", "column_factor", "range", "recent")],
@@ -97,15 +97,23 @@ class Judge:
     places : the ends of the last two steps, and places in between
     size, row_factor, column_factor, ranges : largest magnitude of each entry so far; factors with which rows and
         columns of these sizes have one length; largest share of each coordinate in an equation
+    units : (columns,) of coordinates
     watched, barred : (watched,) dependent coordinates that change along the motion; 1 for those that cannot be states
     """
 
     def __init__(
-        self, own: Constraints, sizes: tuple[int, int, int], asked: Asked, limits: Limits, entries: int | None
+        self,
+        own: Constraints,
+        units: np.ndarray,
+        sizes: tuple[int, int, int],
+        asked: Asked,
+        limits: Limits,
+        entries: int | None,
     ) -> None:
         """
         Parameters
         ----------
+        units : (columns,) of coordinates (`limits.coordinate_units`)
         sizes : numbers of unknowns of blocks, of coordinates whose values are told, of states
         asked : tells what only the owner knows, as a number where one is asked for
         entries : of a matrix that is seen block by block; None where it is seen as a whole
@@ -113,10 +121,11 @@ class Judge:
         rows, columns, watched, (unknowns, told, n) = own.rows, len(own.variable), len(own.watched), sizes
         self._library, self._answers = library(), Answers(_NO_MEMORY)
         self.watched = np.ascontiguousarray(own.watched, np.int32)
-        self.barred = np.zeros(max(1, watched), np.uint8)
+        self.barred, self.units = np.zeros(max(1, watched), np.uint8), units
+        tables = self.watched, units, self.barred
         count = rows * columns if entries is None else entries
         shape = rows, columns, watched, count, told, unknowns, n, entries is not None, True
-        self.data = _Coordinates(limits_in_c(limits), *shape, self.watched.ctypes.data, self.barred.ctypes.data)
+        self.data = _Coordinates(limits_in_c(limits), *shape, *[a.ctypes.data for a in tables])
         self._own = ctypes.addressof(self.data)
         self.data.alert, self.data.ask = LIMITS.alert, ctypes.cast(self._asking(asked, n), ctypes.c_void_p).value
         memory = self._memory = np.zeros(self._library.lmoc_coordinates_lay_out(self._own, None))

@@ -19,9 +19,9 @@ import numpy as np
 from lmoc.engine.sparse import SparseMatrix
 from lmoc.ir.program import Apply
 from lmoc.ir.reduced import Constraints
-from lmoc.numerics.coordinates.equilibration import Equilibration, largest_of
+from lmoc.numerics.coordinates.equilibration import Equilibration
 from lmoc.numerics.coordinates.limits import LIMITS
-from lmoc.numerics.coordinates.tableau import rank_margin, stays_regular
+from lmoc.numerics.coordinates.tableau import in_rows_of_one_size, rank_margin, stays_regular
 from lmoc.numerics.plan.plan import Plan
 from lmoc.structure.blocks.blocks import blocks_of
 from lmoc.structure.blocks.tearing import tear
@@ -214,10 +214,10 @@ class LocalForm:
         """Return the number of entries of the matrix."""
         return len(self._pattern.row)
 
-    def equilibration(self) -> Equilibration:
-        """Return sizes of the entries, none seen yet."""
+    def equilibration(self, units: np.ndarray) -> Equilibration:
+        """Return sizes of the entries, none seen yet, of coordinates in these units."""
         rows, columns = self._pattern.number.shape
-        return Equilibration((rows, columns), self._pattern.row, self._pattern.column)
+        return Equilibration((rows, columns), self._pattern.row, self._pattern.column, units)
 
     def summed(self, entries: np.ndarray) -> np.ndarray:
         """Return the entries of the matrix from those of the constraints, some of which share a place."""
@@ -268,17 +268,18 @@ class LocalForm:
         rows = tuple(np.concatenate([a, a @ table[c]], axis=2) for a, c in zip(own, self._left, strict=True))
         return LocalRows(rows, tuple(np.linalg.svd(r, compute_uv=False)[:, -1] for r in rows), factors)
 
-    def vanishes(self, matrix: np.ndarray) -> bool:
-        """Return whether the dependent coordinates of a block do not follow, in rows of one size."""
-        parts = self._own(self._in_rows_of_one_size(matrix))
+    def vanishes(self, matrix: np.ndarray, units: np.ndarray) -> bool:
+        """Return whether the dependent coordinates of a block do not follow, in rows of one size and these units."""
+        parts = self._own(self._in_rows_of_one_size(matrix, units))
         return not all(
             np.isfinite(a).all() and np.linalg.svd(a, compute_uv=False)[:, -1].min() >= LIMITS.vanishing for a in parts
         )
 
-    def _in_rows_of_one_size(self, matrix: np.ndarray) -> np.ndarray:
-        row = self._pattern.row
-        size = largest_of(np.abs(matrix), row, len(self._pattern.number))[row]
-        return matrix / np.where(size > 0, size, 1.0)
+    def _in_rows_of_one_size(self, matrix: np.ndarray, units: np.ndarray) -> np.ndarray:
+        own = self._pattern
+        shape = len(own.number), own.number.shape[1]
+        place = np.ascontiguousarray(own.row.astype(np.int64) * shape[1] + own.column, np.int32)
+        return in_rows_of_one_size(shape, place, matrix, units)
 
     def _own(self, matrix: np.ndarray) -> list[np.ndarray]:
         """The blocks themselves, (blocks, size, size) for each size; of those torn what is left."""

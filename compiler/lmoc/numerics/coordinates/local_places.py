@@ -26,7 +26,7 @@ class LocalPlaces:
     """
 
     def __init__(self, form: LocalForm, judge: Judge) -> None:
-        self.form, self.sizes, self._judge = form, form.equilibration(), judge
+        self.form, self.sizes, self._judge = form, form.equilibration(judge.units), judge
         self._rows: dict[int, LocalRows] = {}  # of each place of the judge
         self._signs: dict[bytes, float] = {}  # a number for each combination
 
@@ -52,7 +52,7 @@ class LocalPlaces:
         """Return whether a place is regular, or the way to another one."""
         if what == REGULAR:
             return float(self._now(place).stays_regular(self._now(other)))
-        return float(self.form.vanishes(place.matrix))
+        return float(self.form.vanishes(place.matrix, self._judge.units))
 
     def _now(self, place: Place) -> LocalRows:
         """The blocks of a place in the sizes that entries have by now."""

@@ -8,6 +8,10 @@ import numpy as np
 
 from lmoc.engine.library import library
 from lmoc.numerics.coordinates.limits import LIMITS, limits_in_c
+from lmoc.numerics.plan.plan import Plan
+
+LARGE, SMALL = 10.0, 1e3  # times the unit is a mechanism's size at the most; times that size the unit is
+INFINITE = 1e7  # m; lengths beyond stand for none
 
 
 def states_by_pivots(matrix: np.ndarray) -> list[int]:
@@ -27,10 +31,39 @@ def states_by_pivots(matrix: np.ndarray) -> list[int]:
     return held[: columns - rows].tolist() if found else []
 
 
-def in_rows_of_one_size(matrix: np.ndarray) -> np.ndarray:
-    """Return a matrix with its rows divided by their largest magnitudes."""
-    size = np.abs(matrix).max(axis=1, keepdims=True)
-    return matrix / np.where(size > 0, size, 1.0)
+def coordinate_units(plan: Plan, known: np.ndarray) -> np.ndarray:
+    """(columns,) in what units the coordinates of a plan's constraints are compared with each other.
+
+    Angles in radians, lengths in metres; but where the mechanism is so small, or so large, that an entry of an angle
+    in a constraint would be next to nothing beside that of a length, or the other way round, in a unit of its size.
+
+    Parameters
+    ----------
+    known : (k,) values of the parameters in `Plan.known`
+    """
+    flat = plan.reduced.flat
+    is_length = flat.per_variable(lambda b: b.unit == "m", np.bool_)
+    lengths = np.abs(known[is_length[plan.known[1]]])
+    size = float(lengths[lengths <= INFINITE].max(initial=0.0)) or 1.0
+    unit = size * min(max(1 / size, 1 / LARGE), SMALL)
+    return np.where(is_length[plan.reduced.constraints.variable], unit, 1.0)
+
+
+def in_rows_of_one_size(
+    shape: tuple[int, int], place: np.ndarray, entries: np.ndarray, units: np.ndarray
+) -> np.ndarray:
+    """Return entries of a matrix with rows of one size at this place.
+
+    Parameters
+    ----------
+    shape : numbers of rows and columns
+    place, entries : (n,) where they stand in the matrix by rows (int32), and their values
+    units : (columns,) of coordinates
+    """
+    own, work = np.array(entries, float).ravel(), np.empty(shape[0])
+    addresses = [a.ctypes.data for a in (place, units, own, work)]
+    library().lmoc_rows_of_one_size(*shape, len(own), *addresses)
+    return own
 
 
 def rank_margin(matrix: np.ndarray) -> float:

@@ -15,7 +15,7 @@ from lmoc.numerics.coordinates.limits import LIMITS
 from lmoc.numerics.coordinates.local_form import LocalForm
 from lmoc.numerics.coordinates.local_places import LocalPlaces, local_limits
 from lmoc.numerics.coordinates.passage import Passage
-from lmoc.numerics.coordinates.tableau import in_rows_of_one_size, rank_margin, states_by_pivots
+from lmoc.numerics.coordinates.tableau import coordinate_units, in_rows_of_one_size, rank_margin, states_by_pivots
 from lmoc.numerics.observe.observer import Path
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.status import Status
@@ -46,7 +46,8 @@ class CoordinateWatch:
         sizes = len(self.unknowns), len(self._told), system.n
         form = LocalForm(plan) if own.rows > MOST_ROWS else None
         entries, limits = (None, LIMITS) if form is None else (form.count, local_limits(form))
-        self.judge = Judge(own, sizes, self._answer, limits, entries)
+        units = coordinate_units(plan, base[plan.known[0]])
+        self.judge = Judge(own, units, sizes, self._answer, limits, entries)
         self.local = None if form is None else LocalPlaces(form, self.judge)
         self._in_c = self._made_in_c() if form is None else None
         self._places: list[Step] = []
@@ -195,7 +196,8 @@ class CoordinateWatch:
     def margin_at_once(self, place: Place) -> float:
         """Return the smallest singular value of all constraints, in rows of the sizes that they have at a place."""
         whole = place.matrix if self.local is None else self.local.form.dense(place.matrix)
-        return rank_margin(in_rows_of_one_size(whole))
+        every = np.arange(whole.size, dtype=np.int32)
+        return rank_margin(in_rows_of_one_size(whole.shape, every, whole, self.judge.units).reshape(whole.shape))
 
     def lost(self) -> int:
         """Return the flat variable that follows least from the states."""

@@ -13,6 +13,7 @@ from lmoc.ir.program import Program
 from lmoc.ir.reduced import Constraints
 from lmoc.numerics.coordinates.change import all_unknowns, block_unknowns
 from lmoc.numerics.coordinates.entries import entries_program
+from lmoc.numerics.coordinates.tableau import coordinate_units
 from lmoc.numerics.coordinates.watch import MOST_ROWS, told_registers
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import renumber
@@ -30,12 +31,14 @@ class CoordinateTables:
     Attributes
     ----------
     own : the constraints
+    units : (columns,) in which coordinates are compared
     entries, told, solved : registers of the entries; of the coordinates, none where the system does not tell; of the
         unknowns of nonlinear blocks
     ranked : whether constraints may not come to depend on each other; those of many loops are seen as a whole here
     """
 
     own: Constraints
+    units: np.ndarray
     entries: np.ndarray
     told: np.ndarray
     solved: np.ndarray
@@ -66,7 +69,8 @@ def write_constraints(
         "busy": BUSY,
     }
     registers_of_blocks = plan.once(block_unknowns)
-    tables = CoordinateTables(own, new[own.register], told_registers(plan), registers_of_blocks, own.rows <= MOST_ROWS)
+    units, told = coordinate_units(plan, observer.values[plan.known[1]]), told_registers(plan)
+    tables = CoordinateTables(own, units, new[own.register], told, registers_of_blocks, own.rows <= MOST_ROWS)
     return tuple(renumber(step, new) for step in entries_program(plan)), data, tables
 
 

@@ -108,7 +108,9 @@ def packed_programs(
     p.integer(watch is not None)
     if watch is not None:
         p.each((int(np.asarray(numbers["constraints"])), *watch.own.shape, watch.ranked))
-        for table in (watch.own.watched, watch.entries, watch.own.place, watch.told, watch.solved):
+        p.integers(watch.own.watched)
+        p.reals(watch.units)
+        for table in (watch.entries, watch.own.place, watch.told, watch.solved):
             p.integers(table)
         p.reals(gauss_tables())
         p.reals(list(vars(LIMITS).values()))
