@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 
-from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.solve.jacobian import Jacobian
 from lmoc.numerics.steps.automatic import (
@@ -20,7 +20,7 @@ from lmoc.numerics.steps.automatic import (
     growth,
 )
 from lmoc.numerics.steps.modes import EIGENVALUES
-from lmoc.numerics.task.sizes import assumed_sizes
+from lmoc.numerics.task.tolerances import absolute_tolerances as of_components
 from lmoc.view.javascript.programs import unknowns_of
 
 
@@ -32,12 +32,11 @@ def absolute_tolerances(observer: Observer, time: float, x: np.ndarray, rtol: fl
     time, x : s, and the states there: the start
     """
     plan = observer.plan
-    found = rtol * 1e-3 * assumed_sizes(plan, observer.values, x, {})
-    stored = observer.flat.find("ledger.stored")
-    if plan.ledger.any() and stored is not None:
-        at_start = observer(stored, np.array([time]), x[None])[0]
-        found[plan.ledger] = np.fmax(found[plan.ledger], rtol * np.abs(at_start))
-    return found
+
+    def stored() -> np.ndarray:
+        return observer(find(observer.flat, "ledger.stored"), np.array([time]), x[None])[0, 0]
+
+    return of_components(plan, observer.values, x, rtol, None, stored, {})
 
 
 def refinement(observer: Observer, time: float, x: np.ndarray) -> dict[str, float | None]:
