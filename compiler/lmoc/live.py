@@ -9,7 +9,7 @@ coordinates may have to change) is run from one time to the next as `simulate` d
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, MutableMapping
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import replace
 from numbers import Real
 from typing import TYPE_CHECKING, Protocol
@@ -33,7 +33,7 @@ from lmoc.numerics.plan.steps import stepping_inputs
 from lmoc.numerics.problem.base import Problem
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import Constant, Signal, bind_signals, break_times
-from lmoc.numerics.steps import automatic, choice, dop853
+from lmoc.numerics.steps import automatic, choice, onward
 from lmoc.numerics.task.sizes import assumed_sizes
 from lmoc.support import budget
 
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
 
 _AHEAD = 16  # steps for which functions of time are looked at together
+_AT_ONCE = 64  # steps between two looks at the budget
 
 
 class Scene(Protocol):
@@ -75,7 +76,6 @@ class Live:
         self.time = float(self._end.time)
         self._smooth = _Smooth(run, self._end, self._given) if _is_smooth(run, self._given) else None
 
-    @budgeted("the step")
     def advance(self, dt: float) -> float:
         """Go on by dt seconds; returns the time there, which is an earlier one where the model says `terminate`.
 
@@ -87,9 +87,16 @@ class Live:
             The integration failed; `.time` is the time reached. Where it has no explicit equations, the scene stays
             where it was before the call.
         """
-        if not isinstance(dt, Real) or not 0 < dt < math.inf:
+        if not (type(dt) is float or isinstance(dt, Real)) or not 0 < dt < math.inf:  # the former is quicker
             raise ModelError([Diagnostic("E0541", f"a step of {dt!r} s is not possible", expected="seconds, above 0")])
         target = self.time + dt
+        if not self._stepping and self._smooth is not None and self._smooth.goes_at_once(target):
+            self.time = target
+            return target
+        return self._advance(target)
+
+    @budgeted("the step")
+    def _advance(self, target: float) -> float:
         if self._stepping:
             self._stand(self._stepped(target))
             target = self.time
@@ -157,6 +164,17 @@ class Live:
             self._smooth.run.jump(x)
         else:
             self._end = replace(self._end, x=x, mode=None)  # the laws are judged again there
+
+    def values(self, names: Sequence[str]) -> np.ndarray:
+        """Return the values of several variables now.
+
+        Raises
+        ------
+        UnknownNameError
+            A KeyError, as of a single one.
+        """
+        places = None if self._smooth is None else self._smooth.places(names)
+        return np.array([self[n] for n in names]) if places is None else self._smooth.run.x[places]
 
     def _moved(self, x: np.ndarray, name: str, value: float) -> np.ndarray:
         """Return the states after a change of the one that a variable follows from."""
@@ -255,15 +273,20 @@ class _Smooth:
         self.observer = Observer(self.plan, self.values, self.base, self.signals)
         self.registers = {variable: register for register, variable in self.plan.constants}
         self.states, self.seen = {name: i for i, name in enumerate(end.states)}, {}
+        self.known: dict[tuple[str, ...], np.ndarray | None] = {}  # places of names asked for together
         rtol, none = float(run.stats["rtol"]), np.zeros(0)
         atol = rtol * 1e-3 * assumed_sizes(self.plan, self.values, end.x, {})
         start, patience = float(end.time), automatic.patience(self.system)
         self.problem = Problem(
             self.system, start, end.x, math.inf, none, rtol, atol, lambda first, states: None, patience=patience
         )
-        self.run = dop853.begin(self.problem)
+        self.run = onward.begin(self.problem)
         self.timed = _depends_on_time(self.plan, self.signals)
         self.seen_until = start
+
+    def goes_at_once(self, target: float) -> bool:
+        """Integrate up to a time where that takes a few steps; return whether it has come there."""
+        return not self.timed and self.run.reach(target, _AT_ONCE) is Status.OK and self.run.t >= target
 
     def go(self, target: float) -> bool:
         """Integrate up to a time; False where a stiff method has to go on from the time reached.
@@ -302,10 +325,9 @@ class _Smooth:
         return status is Status.OK
 
     def _step_to(self, target: float) -> Status:
-        run = self.run
-        run.end, begin = target, run.t
+        run, begin = self.run, self.run.t
         while run.t < target:
-            status = run.step()
+            status = run.reach(target, _AT_ONCE)
             if status is not Status.OK:
                 return status
             budget.reached((run.t - begin) / (target - begin))
@@ -331,6 +353,14 @@ class _Smooth:
             seen = self.seen[name] = self.observer.prepare(_variable(self.observer.flat, name))
         return float(seen(np.array([self.run.t]), x[None])[0, 0])
 
+    def places(self, names: Sequence[str]) -> np.ndarray | None:
+        """Return where variables stand among the states; None where one of them is none."""
+        key = tuple(names)
+        if key not in self.known:
+            found = [self.states.get(name) for name in key]
+            self.known[key] = None if None in found else np.array(found, int)
+        return self.known[key]
+
     def give(self, variables: np.ndarray, value: float) -> bool:
         """Put a number at an input; False where the system has it as a signal of another kind."""
         given = variables.tolist()
@@ -339,10 +369,9 @@ class _Smooth:
         for v in given:
             self.signals[v] = Constant(value)
             if v in self.registers:
-                self.base[self.registers[v]] = value
-        self.system.prepare(self.base, self.signals)
+                self.system.put(self.registers[v], value)
         self.seen.clear()
-        self.run.jump(self.run.x)
+        self.run.restart()
         return True
 
 

@@ -5,7 +5,9 @@ import pytest
 from conftest import ROOT
 
 import lmoc
+import lmoc.live as live_module
 from lmoc.ir.names import UnknownNameError
+from lmoc.numerics.steps import dop853, onward
 
 CART = ROOT / "models/planar/cart_pole.lmo"
 BOUNCING = """model Ball
@@ -43,6 +45,22 @@ def test_an_input_holds_from_the_time_at_which_it_is_set(cart):
     speed = live["rail.v"] - 0.5 * np.sin(live["pole.theta"]) * live["pole.omega"]
     assert 1.0 * live["rail.v"] + 0.1 * speed == pytest.approx((1.0 - 3.0) * 0.1, abs=1e-8)
     assert dict(live.inputs) == {"F": 1.0}
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-9])
+def test_steps_kept_in_c_have_the_bits_of_those_in_python(cart, monkeypatch, rtol):
+    """The latter are those of a scene whose inputs ask Python."""
+    ends = []
+    for begin in (onward.begin, dop853.begin):
+        monkeypatch.setattr(live_module.onward, "begin", begin)
+        live = cart.live(inputs={"F": 0.0}, rtol=rtol)
+        for k, dt in enumerate((0.02, 0.02, 1.5, 0.3, 1e-4)):
+            live.inputs["F"] = (-1.0) ** k * k
+            live.advance(dt)
+            if k == 3:
+                live.set("pin.omega", 0.2)
+        ends.append([live.time, *(live[name] for name in cart.states)])
+    assert ends[0] == ends[1]
 
 
 def test_an_input_with_a_signal_of_its_own_takes_a_number(cart):

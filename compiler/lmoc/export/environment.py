@@ -71,7 +71,7 @@ class Environment(gymnasium.Env):
         self.dae, self.dt, self.render_mode = dae, float(step), render_mode
         self.inputs, self.names = tuple(actions), tuple(dae.states if observations is None else observations)
         self.bounds, self._drawn = dict(bounds or {}), dict(start or {})
-        self._reward = reward if reward is not None else lambda values, ended: 1.0
+        self._reward = reward
         given = dae.flat.experiment.stop if horizon is None else horizon
         self.horizon = math.inf if given is None else float(given)
         self._parameters, self._rtol = parameters, rtol
@@ -79,7 +79,8 @@ class Environment(gymnasium.Env):
         self.action_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))
         shape = (len(self.names),)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, shape, np.float64)
-        self._low, self._high = low, high
+        self._ranges = list(zip(self.inputs, low.tolist(), high.tolist(), strict=True))
+        self._limits = list(self.bounds.items())
         self._first: Live | None = None
         self.live: Live | None = None
 
@@ -91,20 +92,24 @@ class Environment(gymnasium.Env):
         drawn = {name: float(self.np_random.uniform(*ends)) for name, ends in self._drawn.items()}
         drawn |= (options or {}).get("initial", {})
         if self._first is None:
-            start = {name: min(max(0.0, low), high) for name, (low, high) in zip(self.inputs, self._ranges())}
+            start = {name: min(max(0.0, low), high) for name, low, high in self._ranges}
             self._first = self.dae.live(inputs=start, parameters=self._parameters, rtol=self._rtol)
         self.live = self._first.copy()
         for name, value in drawn.items():
             self.live.set(name, value)
-        return self._seen(self.live), {"time": self.live.time}
+        return self.live.values(self.names), {"time": self.live.time}
 
     def step(self, action: Sequence[float] | np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Hold an action for one step."""
         live = self.live
         if live is None:
             raise gymnasium.error.ResetNeeded("call reset first")
-        held = np.clip(np.asarray(action, np.float64).reshape(-1), self._low, self._high)
-        for name, value in zip(self.inputs, held.tolist(), strict=True):
+        given = np.asarray(action, np.float64).reshape(-1).tolist()
+        held = {  # numpy would take longer to clip a few numbers
+            name: low if value < low else high if value > high else value
+            for (name, low, high), value in zip(self._ranges, given, strict=True)
+        }
+        for name, value in held.items():
             live.inputs[name] = value
         target = live.time + self.dt
         info: dict[str, Any] = {}
@@ -112,22 +117,19 @@ class Environment(gymnasium.Env):
             live.advance(self.dt)
         except SimulationError as error:
             info["error"] = str(error)
-        seen = self._seen(live)
+        seen = live.values(self.names)
         ended = "error" in info or live.time < target - 1e-9 * self.dt or self._outside(live)
-        values = dict(zip((*self.names, *self.inputs), (*seen.tolist(), *held.tolist())))
+        reward = 1.0 if self._reward is None else float(self._reward(self._values(seen, held), ended))
         info["time"] = live.time
         truncated = not ended and live.time >= self.horizon - 1e-9 * self.dt
-        return seen, float(self._reward(values, ended)), ended, truncated, info
+        return seen, reward, ended, truncated, info
 
     def render(self) -> str | None:
         """Return the scene at its start as SVG, where `render_mode` is "svg"."""
         return self.dae.draw().svg if self.render_mode == "svg" else None
 
-    def _ranges(self) -> list[Range]:
-        return list(zip(self._low.tolist(), self._high.tolist()))
-
-    def _seen(self, live: Live) -> np.ndarray:
-        return np.array([live[name] for name in self.names])
+    def _values(self, seen: np.ndarray, held: Values) -> dict[str, float]:
+        return dict(zip(self.names, seen.tolist(), strict=True)) | dict(held)
 
     def _outside(self, live: Live) -> bool:
-        return any(not low <= live[name] <= high for name, (low, high) in self.bounds.items())
+        return any(not low <= live[name] <= high for name, (low, high) in self._limits)

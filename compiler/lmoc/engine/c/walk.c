@@ -202,3 +202,10 @@ int lmoc_dop853_walk(lmoc_steps *s) {
     found = accept(s, reached);
   }
 }
+
+void lmoc_dop853_restart(lmoc_steps *s) {
+  s->before = s->t;
+  s->pending = s->staged = s->lost = 0;
+  s->grow = s->rules->grow;
+  lmoc_derivatives(s->call, s->t, s->x, s->f);
+}

@@ -35,6 +35,9 @@ typedef struct {
    stays pending. Returns what the last step has; a DOUBTFUL one has been tried and stands there to be judged. */
 int lmoc_dop853_walk(lmoc_steps *s);
 
+/* Begin anew from where `x` and `t` stand, with a step as long as the next one would have been. */
+void lmoc_dop853_restart(lmoc_steps *s);
+
 /* The states at a share of the last step, from 0 to 1, when the first function has made the polynomial of it. Both take
    `x` for where the step has begun. */
 void lmoc_dop853_dense(lmoc_steps *s);

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Protocol
 
@@ -118,16 +118,21 @@ class EngineStepper(Stepper):
 
     def walk(self, kept, given, times, out) -> Walked:
         self.system.note_work()
-        steps = self._steps = self.steps() if self._steps is None else self._steps
-        steps.x, steps.x_new, steps.rtol = self._x, self._x_new, self.rtol
+        steps = self.loaded(kept, given)
         steps.times, steps.out, steps.outputs, steps.room = times.ctypes.data, out.ctypes.data, len(times), len(out)
-        for name, value in (*kept.items(), *given.items()):
-            setattr(steps, name, value)
         found = self._library.lmoc_dop853_walk(ctypes.byref(steps))
         for name in kept:
             kept[name] = getattr(steps, name)
         self.system.evaluations += steps.evaluations
         return Walked(found, steps.steps, steps.rejected, steps.reached)
+
+    def loaded(self, kept: Mapping[str, float], given: Mapping[str, float | None]) -> Steps:
+        """Return the state of the method in C, with what Python keeps of it and what is asked for."""
+        steps = self._steps = self.steps() if self._steps is None else self._steps
+        steps.x, steps.x_new, steps.rtol = self._x, self._x_new, self.rtol
+        for name, value in (*kept.items(), *given.items()):
+            setattr(steps, name, value)
+        return steps
 
     def steps(self) -> Steps:
         """Return the state of the method, with the arrays that stay."""

@@ -127,6 +127,14 @@ class EngineSystem(System):
         if self._dae is not None:
             self._dae.parameters[:] = base[self.plan.parameters]
 
+    def put(self, register: int, value: float) -> None:
+        if len(self.kernel.nonlinear) or self._derivatives is not None or self._dae is not None:
+            super().put(register, value)
+            return
+        self.given[0][register] = self.w[register] = value
+        if self.kernel.blocks:
+            self.kernel.forget()  # the order of pivots
+
     def restart(self) -> None:
         self.prepare(*self.given)
 

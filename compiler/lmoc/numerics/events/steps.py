@@ -61,6 +61,7 @@ class Steps:
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
+        self._moved: dict[bytes, bool] = {}  # by the variables asked for
         pairs = sorted(_own_jets(plan) | _input_jets(plan))
         firsts = {a: b for a, b, order in pairs if order == 1}
         rows = [(a if order == 1 else firsts.get(a, NONE), b, a, order == 2) for a, b, order in pairs]
@@ -108,10 +109,13 @@ class Steps:
 
     def is_moved_by(self, variables: NDArray[np.int64]) -> bool:
         """Return whether the motion depends on a derivative of any of these inputs: their steps are impulses."""
-        reduced = self.plan.reduced
-        register, variable, _ = reduced.inputs
-        own = np.concatenate([reduced.register_of[variables], register[np.isin(variable, variables)]])
-        return bool(np.isin(self.registers[self.moving], own).any())
+        key = variables.tobytes()  # asked again with every value of an input of a scene that is stepped
+        if key not in self._moved:
+            reduced = self.plan.reduced
+            register, variable, _ = reduced.inputs
+            own = np.concatenate([reduced.register_of[variables], register[np.isin(variable, variables)]])
+            self._moved[key] = bool(np.isin(self.registers[self.moving], own).any())
+        return self._moved[key]
 
     def values(self, t: float, x: Array, base: Array, signals: Mapping[int, Signal]) -> Array:
         """Return the values of `registers`, and the stored energy after them."""

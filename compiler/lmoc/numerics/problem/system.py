@@ -107,6 +107,11 @@ class System(ABC):
         self.samplers = [_sampler(signals[v], order) for v, order in self.plan.samplers]
         self._sampled = [(signals[v], order) for v, order in self.plan.samplers]
 
+    def put(self, register: int, value: float) -> None:
+        """Give a register that does not change along the motion another value: a constant input."""
+        self.given[0][register] = value
+        self.prepare(*self.given)
+
     def sample(self, t: float, out: np.ndarray) -> None:
         """Write the values of the sampled inputs at one time into `out`."""
         for k, call in enumerate(self.samplers):

@@ -29,7 +29,7 @@ _KEPT = (  # between steps, the same in C as here
     "t", "before", "step_size", "length", "error", "stiffness", "grow", "stiff_count", "calm_count", "careful",
     "cuts", "cuts_since", "pending", "staged", "lost",
 )  # fmt: skip
-_WALKED = {0: _OK, 1: Status.COLLAPSED, 2: Status.NOT_FINITE, 3: Status.DOUBTFUL, 4: Status.STIFF}  # what C returns
+WALKED = {0: _OK, 1: Status.COLLAPSED, 2: Status.NOT_FINITE, 3: Status.DOUBTFUL, 4: Status.STIFF}  # what C returns
 
 
 def begin(problem: Problem) -> Dop853:
@@ -71,6 +71,17 @@ class Dop853(Integration):
     def jump(self, x: np.ndarray) -> None:
         self.before = self.t
         self._start(x.copy(), self.step_size)
+
+    def restart(self) -> None:
+        """Go on from the same state with an input that has another value."""
+        self.jump(self.x)
+
+    def reach(self, end: float, most: int) -> Status:
+        """Make up to so many steps towards a time, the last one exactly to it."""
+        self.end, status = end, _OK
+        while self.t < end and most > 0 and status is _OK:
+            status, most = self.step(), most - 1
+        return status
 
     def step(self) -> Status:
         if self.tried:
@@ -164,9 +175,7 @@ class Dop853(Integration):
     def walk(self, times: np.ndarray, room: int, most: int, hook: int | None) -> tuple[Status, int]:
         if not self.finite:
             return Status.NOT_FINITE, 0
-        kept = {name: getattr(self, name) for name in _KEPT}
-        given = {"end": self.end, "max_step": self.max_step, "patience": self.problem.patience,
-                 "most": most, "hook": hook}  # fmt: skip
+        kept, given = self.state(most, hook)
         out = np.empty((min(room, len(times)), len(self.stepper.x)))
         made = self.stepper.walker.walk(kept, given, times, out)
         for name, value in kept.items():
@@ -174,9 +183,15 @@ class Dop853(Integration):
         self.steps += made.steps
         self.rejected += made.rejected
         self._collected += self.output.values(), out[: made.reached]
-        status = _WALKED[made.found]
+        status = WALKED[made.found]
         self.tried = status is Status.DOUBTFUL
         return status, made.reached
+
+    def state(self, most: int, hook: int | None = None) -> tuple[dict[str, float], dict[str, float | None]]:
+        """Return what is kept between steps, and what C needs to know beside it to make up to `most` of them."""
+        given = {"end": self.end, "max_step": self.max_step, "patience": self.problem.patience,
+                 "most": most, "hook": hook}  # fmt: skip
+        return {name: getattr(self, name) for name in _KEPT}, given
 
     # ------------------------------------------------------------------ values within the last step
 
