@@ -54,16 +54,18 @@ def execute(arguments: argparse.Namespace) -> int:
         model = dae.linearize(at, arguments.symbolic, inputs, arguments.output or None)
         shifted = arguments.realization and any(np.any(B) for B in model.Bs[1:])
         model = model.realization() if arguments.realization else model
+        if arguments.json:
+            text = json.dumps(as_data(model), indent=2, ensure_ascii=False)
+        else:
+            text = _symbols(model) if model.symbolic else _numbers(model)  # with eigenvalues, which take their time
     _write(model, dae.name, arguments)
-    if arguments.json:
-        print(json.dumps(as_data(model), indent=2, ensure_ascii=False))
-    else:
+    if not arguments.json:
         moment = f"at t = {shown(at)} s " if isinstance(at, float) and model.time is None else ""
         print(f"{dae.name}: linear model {moment}{_about(model)}")
         if shifted:
             print("its states are those of the scene less B1·u: no input's derivative acts on them")
         print()
-        print(_symbols(model) if model.symbolic else _numbers(model))
+    print(text)
     return 0
 
 

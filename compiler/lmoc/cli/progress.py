@@ -20,8 +20,11 @@ _LOOK = 0.5  # seconds between two looks at the work
 class Progress:
     """A line with the present stage, and a bar while simulated time advances; nothing where it is quick.
 
-    Where nobody looks on, as in a log, a line says that long work goes on.
+    Where nobody looks on, as in a log, a line says that long work goes on: what the command has worked since it said
+    so last counts, whichever stages it was.
     """
+
+    _told = 0.0  # s, the processor time of this process then
 
     def __init__(self, enabled: bool = True):
         self._enabled, self._seen = enabled, sys.stderr.isatty()
@@ -59,13 +62,14 @@ class Progress:
     def _tell(self) -> None:
         begin, limit = time.process_time(), TOLD
         while not self._end.wait(_LOOK):
-            spent = time.process_time() - begin
-            if spent >= limit:
-                done = self._done
-                left = "" if not done else f", {100 * done:.0f} % done, about {spent * (1 - done) / done:.0f} s left"
-                sys.stderr.write(f"lmoc: {self._stage or 'the work'} goes on after {spent:.0f} s{left}\n")
-                sys.stderr.flush()
-                limit *= RARER
+            now, done = time.process_time(), self._done
+            if now - Progress._told < limit:
+                continue
+            ahead = (now - begin) * (1 - done) / done if done else 0.0
+            left = f", {100 * done:.0f} % done, about {ahead:.0f} s left" if done else ""
+            sys.stderr.write(f"lmoc: {self._stage or 'the work'} goes on after {now:.0f} s{left}\n")
+            sys.stderr.flush()
+            Progress._told, limit = now, limit * RARER
 
     def _draw(self) -> None:
         if self._end.wait(WAIT):
