@@ -1,5 +1,6 @@
 """Ensembles: samples, results bit for bit those of single runs, rows that fail, stores, Dask."""
 
+import csv
 import json
 import os
 import re
@@ -251,6 +252,21 @@ def test_a_store_or_a_sample_that_cannot_be_used_is_explained(tmp_path, monkeypa
     assert main(["study", "swing.lmo", "--runs", "3", *words]) == 2
     found = capsys.readouterr().err
     assert f"error[{code}]" in found and told in " ".join(found.split()) and "Errno" not in found
+
+
+def test_a_sample_of_an_array_is_one_number_for_all_its_members(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    model = "model M parameter Real d[2] = {1, 2}, e[2, 2] = {{1, 2}, {3, 4}}; Real x(start = 1, fixed = true);"
+    (tmp_path / "m.lmo").write_text(f"{model} equation der(x) = -d[1]*d[2] - e[2, 1]; end M;")
+    asked = "--sample d~uniform(1,2) --sample e~uniform(1,2) --runs 4 --stop 0.5 --keep x -o out.csv"
+    assert main(["study", "m.lmo", *asked.split()]) == 0, capsys.readouterr().err
+    with (tmp_path / "out.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        d, e = float(row["d[1]"]), float(row["e[2,1]"])
+        assert (float(row["d[2]"]), float(row["e[1,2]"])) == (d, e)
+        assert float(row["x end"]) == pytest.approx(1 - 0.5 * (d**2 + e))
+    assert len({row["d[1]"] for row in rows}) == 4
 
 
 def test_a_study_that_is_killed_goes_on_to_the_same_bits(tmp_path, monkeypatch, capsys):

@@ -71,6 +71,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from lmoc.cli.progress import Progress
     from lmoc.cli.scene import compiled
     from lmoc.report.files import PICTURES, check_target
+    from lmoc.studies.rows import for_all_members
     from lmoc.studies.sample import sample
 
     for path, endings in ((arguments.output, _ENDINGS), (arguments.plot, PICTURES)):
@@ -90,7 +91,8 @@ def execute(arguments: argparse.Namespace) -> int:
         except ValueError as error:
             raise UsageError([Diagnostic("E0621", str(error))]) from None
         many = dae.ensemble(
-            drawn, initial(arguments.init) or None, dict(arguments.input), arguments.start, arguments.stop,
+            for_all_members(dae.flat, drawn), initial(arguments.init) or None, dict(arguments.input),
+            arguments.start, arguments.stop,
             points=arguments.points, rtol=arguments.rtol, keep=keep, workers=workers, store=_store(arguments),
             series=arguments.output is not None and arguments.output.suffix.lower() == ".npz",
             progress=lambda done, count: progress.part(f"{done} of {count} runs", done / count),

@@ -186,10 +186,11 @@ class Ensemble:
 
 
 def _flat(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """Return columns (N,) of values (N,) or (N, m)."""
+    """Return columns (N,) of values (N,), or of an array of the model (N, …)."""
     if values.ndim == 1:
         return {name: values}
-    return {f"{name}[{k + 1}]": values[:, k] for k in range(values.shape[1])}
+    places = np.ndindex(values.shape[1:])
+    return {f"{name}[{','.join(str(k + 1) for k in at)}]": values[:, *at] for at in places}
 
 
 def _refusal(code: str, message: str, hint: str):

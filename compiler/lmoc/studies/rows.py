@@ -90,10 +90,27 @@ def rows_of(
         same.append({name: value for name, value in (given or {}).items() if name not in own})
     if len(set(lengths.values())) != 1 or not min(lengths.values()):
         found = ", ".join(f"{name}: {length}" for name, length in lengths.items()) or "nothing that varies"
-        raise ValueError(f"an ensemble takes arrays of one length, such as parameters={{'k': [10, 20]}}; found {found}")
+        arrays = [n for given in same[:2] if isinstance(given, Mapping) for n, v in given.items() if np.ndim(v) == 1]
+        more = f"; '{arrays[0]}' is an array of the model, of which one row a run varies" if arrays else ""
+        message = "an ensemble takes arrays of one length, such as parameters={'k': [10, 20]}"
+        raise ValueError(f"{message}; found {found}{more}")
     held = dict(zip(("parameters", "initial", "inputs"), same, strict=True))
     parameters, starts, signals_of_runs = varied
     return Rows(next(iter(lengths.values())), parameters, starts, signals_of_runs, held)
+
+
+def for_all_members(flat: FlatDAE, drawn: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return numbers (N,) by name, those of an array of the model as (N, …): one for all members, as `--set` has it."""
+
+    def own(name: str, values: np.ndarray) -> np.ndarray:
+        found = flat.find(name)
+        if found is None or not is_array(flat, name):
+            return values
+        dims = flat.block_at(int(found[0])).dims
+        shape = dims if np.prod(dims) == len(found) else (len(found),)  # a part of it may be asked for
+        return np.broadcast_to(values.reshape(-1, *[1] * len(shape)), (len(values), *shape)).copy()
+
+    return {name: own(name, np.asarray(values)) for name, values in drawn.items()}
 
 
 def _varies(flat: FlatDAE, name: str, value: object, signal: bool) -> bool:
