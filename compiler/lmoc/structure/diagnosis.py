@@ -339,7 +339,7 @@ def _not_derived(
     equations = Equations(system.flat)
     sources = system.source[rows].tolist()
     spans = [span for span in equations.spans(sources) if span is not None]
-    message = f"{what} of {equations.text(sources[0])} does not contain {lacks}"
+    message = f"{what} of {equations.begun(sources[0])} does not contain {lacks}"
     labels = tuple(Label(span, "also here") for span in spans[1:SHOWN])
     return (Diagnostic("N0418", message, spans[0] if spans else None, hint=hint, labels=labels),)
 

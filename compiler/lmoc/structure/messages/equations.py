@@ -16,6 +16,7 @@ from lmoc.support.quoted import split, without_subscripts
 
 # of many names, equations or mistakes of one sort, this many are shown
 SHOWN = 5
+NAMED = 100  # characters of an equation that a message about something else names
 HELD = "two ways that lead there do not agree: remove one, or put a spring where the real mechanism is elastic"
 
 
@@ -59,6 +60,11 @@ class Equations:
     def text(self, number: int) -> str:
         group, row = self.place(number)
         return self.flat.sum_text(row) if group < 0 else self.flat.row_text(self.flat.groups[group], row)
+
+    def begun(self, number: int) -> str:
+        """The beginning of it, as far as a message about something else names it: a curve of many pieces fills a screen."""
+        text = self.text(number)
+        return text if len(text) <= NAMED else f"{text[:NAMED].rstrip()} …"
 
     def unknowns(self, number: int) -> list[int]:
         group, row = self.place(number)
