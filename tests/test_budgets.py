@@ -108,6 +108,13 @@ def test_absurd_numbers_end_by_themselves(verb, value, capsys):
         assert code == 3 and f"is k1 = {float(value):g}, tire.k" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("power", ["(-2)^(10^400)", "(1/3)^(10^8)", "2^(10^9)"])
+def test_powers_that_nobody_can_write_down_are_not_worked_out(power):
+    text = "model M Real x(start = 1, fixed = true), v(start = 0, fixed = true); equation der(x) = v; der(v) = -x"
+    dae = lmoc.compile_text(f"{text} - v*{power}; end M;")
+    assert "x" in str(dae.equations()) and len(dae.equilibria()) == 1
+
+
 def test_too_little_memory_is_said(monkeypatch, capsys):
     def greedy(*_: object, **__: object) -> None:
         raise MemoryError

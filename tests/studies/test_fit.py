@@ -192,6 +192,13 @@ def test_what_does_not_go_together_is_refused(dae, data, free, more):
         dae.fit(data, free, **more)
 
 
+def test_a_scene_whose_motion_is_all_given_has_derivatives():
+    times = np.array([0, 0.1, 0.2, 0.4])
+    given = lmoc.compile_text("model B parameter Real p = 3; output Real x = p*time; end B;")
+    found = given.fit({"time": times, "x": np.array([0, 0.01, 0.05, 0.1])}, {"p": 3})
+    assert found.values["p"] == pytest.approx(0.051 / 0.21) and "differences" not in str(found)
+
+
 def test_the_command_and_the_picture(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "swing.lmo").write_text(SWING)

@@ -288,3 +288,11 @@ def test_implicit_blocks_that_are_alike_are_solved_side_by_side():
     assert any(len(getattr(step, "unknowns", ())) == 2 for step in dae.reduced.rhs)
     with pytest.raises(ModelError, match="a.1..a, a.1..b have no solution in closed form"):
         dae.symbolic_ode()
+
+
+def test_a_derivative_without_a_value_in_symbols_is_refused():
+    text = "model M parameter Real n = 3; Real x(start = 1, fixed = true), v(start = 0, fixed = true); "
+    dae = lmoc.compile_text(text + "equation der(x) = v; der(v) = -x - v*x^n; end M;")
+    with pytest.raises(lmoc.ModelError, match="E0663.*no value in symbols"):
+        dae.linearize(symbolic=True)
+    assert dae.linearize().A == pytest.approx(np.array([[0, 1], [-1, 0]]))

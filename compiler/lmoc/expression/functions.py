@@ -139,6 +139,13 @@ def _infix(
     return Function(name, 2, None, derivatives, unit=unit, kind=Kind.OPERATOR, **lowered)
 
 
+def _sympy_power(sp: Any, base: Any, exponent: Any) -> Any:
+    """A power, exact as far as it can be written down: sympy would work out 2^(10^400) digit by digit."""
+    if exponent.is_Rational and abs(exponent) > _LARGEST_EXPONENT:
+        exponent = sp.Float(exponent)
+    return base**exponent
+
+
 def _relation(name: str, sign: str, numpy: str, sympy: str, value: Callable[..., Any]) -> Function:
     def apply(module: Any, a: Any, b: Any) -> Any:
         return value(a, b)
@@ -148,6 +155,7 @@ def _relation(name: str, sign: str, numpy: str, sympy: str, value: Callable[...,
     )  # fmt: skip
 
 
+_LARGEST_EXPONENT = 1000  # of a power in symbols that stays exact; a double holds 2 to this power, or a little more
 _ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
     "+": lambda a, b: a + b,
     "-": lambda a, b: a - b,
@@ -266,7 +274,7 @@ _ENTRIES = (
     _infix("mul", "*", UnitRule.PRODUCT, None, numpy="multiply"),
     _infix("div", "/", UnitRule.QUOTIENT, None, numpy="divide", divides=True),
     _infix("pow", "^", UnitRule.POWER, (_power_by_base, _power_by_exponent), numpy="power", c="pow({0}, {1})",
-           domain=lambda x, y: x > 0 or (y >= 0 if x == 0 else y == int(y))),
+           sympy=_sympy_power, domain=lambda x, y: x > 0 or (y >= 0 if x == 0 else y == int(y))),
     Function("neg", 1, None, None, "negative", lambda ca, x: -x, "-{0}", lambda sp, x: -x,
              UnitRule.KEPT, Kind.OPERATOR),
     Function("if", 3, None, None, "where", "if_else", "{0} ? {1} : {2}", _sympy_choice,

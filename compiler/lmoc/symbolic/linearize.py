@@ -314,6 +314,9 @@ def linearize(
 
     def finish(matrix: sp.Matrix) -> Matrix:
         matrix = matrix.xreplace(here)
+        if matrix.has(sp.nan, sp.zoo):
+            hint = "choose another point, or leave symbols out (symbolic=False): in numbers it may have one"
+            raise ModelError([Diagnostic("E0663", "a derivative has no value in symbols at this point", hint=hint)])
         return matrix.applyfunc(_lowest) if symbolic else _numbers(matrix, system)
 
     by_order = _jets_by_order(system)

@@ -306,7 +306,7 @@ def _is_negative(value: sympy.Expr) -> bool:
 
     if isinstance(value, sp.Add):
         return all(_is_negative(t) for t in value.args)
-    return bool(value.as_coeff_Mul()[0] < 0)
+    return bool(value.as_coeff_Mul()[0].is_extended_negative)  # no number, which compares with nothing, is not
 
 
 def _decimal(number: sympy.Rational) -> bool:

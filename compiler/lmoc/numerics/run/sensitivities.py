@@ -403,6 +403,8 @@ class Sweep:
         it holds up the motion, on which it does not act.
         """
         found, end = np.empty((len(times), len(y))), float(times[-1])
+        if not len(y):  # all motion is given
+            return found
 
         def sink(first: int, states: np.ndarray) -> None:
             found[first : first + len(states)] = states

@@ -62,7 +62,7 @@ class Equations:
         return self.flat.sum_text(row) if group < 0 else self.flat.row_text(self.flat.groups[group], row)
 
     def begun(self, number: int) -> str:
-        """The beginning of it, as far as a message about something else names it: a curve of many pieces fills a screen."""
+        """Return what a message names it by: its beginning, since a curve of many pieces fills a screen."""
         text = self.text(number)
         return text if len(text) <= NAMED else f"{text[:NAMED].rstrip()} …"
 
