@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
@@ -17,6 +18,7 @@ from lmoc.messages.diagnostics import visible
 INTERRUPTED, TERMINATED = 130, 143  # 128 + the number of the signal, as shells tell it
 _OUTPUT_LOST = frozenset({errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO, errno.EBADF, errno.EINVAL})
 _terminated = False
+_began = 0.0  # s, the processor time of this process when the command began
 _noted: int | None = None  # the pipe in which the interpreter notes signals, besides what handles them
 
 
@@ -27,10 +29,15 @@ class _Closed(io.TextIOBase):
         raise OSError(errno.EBADF, os.strerror(errno.EBADF))
 
 
+def worked() -> float:
+    """Return the processor time of the command so far, s."""
+    return time.process_time() - _began
+
+
 def prepare() -> None:
     """Make the streams usable, and have SIGTERM end the command as Ctrl-C does: what there is by then is kept."""
-    global _terminated
-    _terminated = False
+    global _terminated, _began
+    _terminated, _began = False, time.process_time()
     _occupy_closed_streams()
     _note_signals()
     if sys.stdout is None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from lmoc.cli import process
 from lmoc.pipeline import BY_NAME
 
 WAIT = 1.0  # seconds without a word
@@ -24,7 +24,7 @@ class Progress:
     so last counts, whichever stages it was.
     """
 
-    _told = 0.0  # s, the processor time of this process then
+    _told = 0.0  # s, what it had worked then
 
     def __init__(self, enabled: bool = True):
         self._enabled, self._seen = enabled, sys.stderr.isatty()
@@ -60,9 +60,11 @@ class Progress:
         self._stage, self._done = text, share
 
     def _tell(self) -> None:
-        begin, limit = time.process_time(), TOLD
+        begin, limit = process.worked(), TOLD
+        if Progress._told > begin:  # by a command before this one
+            Progress._told = 0.0
         while not self._end.wait(_LOOK):
-            now, done = time.process_time(), self._done
+            now, done = process.worked(), self._done
             if now - Progress._told < limit:
                 continue
             ahead = (now - begin) * (1 - done) / done if done else 0.0
