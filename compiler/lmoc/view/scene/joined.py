@@ -115,8 +115,10 @@ def _middle(c: Corners) -> Point:
 
 def places(item: Item, node: int) -> list[Corners]:
     """Return where an item meets a connection set: an end of it, or all of an item with one end."""
-    if len(item.ends) == 1 or set(item.nodes) == {node}:
-        return [_corners(item)]
+    return [_corners(item)] if len(item.ends) == 1 or set(item.nodes) == {node} else _ends(item, node)
+
+
+def _ends(item: Item, node: int) -> list[Corners]:
     return [(e.x, e.y, e.x, e.y) for e, n in zip(item.ends, item.nodes, strict=True) if n == node]
 
 
@@ -158,8 +160,11 @@ def _mark(items: Sequence[Item], piece: Sequence[int], node: int, ink: Ink) -> l
     """Return a circle beside a piece, where it covers least, and the line that leads to it."""
     found: list[tuple[Anchor, Point]] = []
     plain = [k for k in piece if items[k].symbol not in (*BESIDE, "string")]  # a rope over a wheel fills no rectangle
-    for item in [items[k] for k in plain or piece][:4]:
-        for corners in places(item, node):
+    # what meets other sets as well, as a belt around two wheels, tells by its ends alone where it meets this one
+    exact = [k for k in plain if len(items[k].ends) > 1 or set(items[k].nodes) == {node}]
+    for item in [items[k] for k in exact or plain or piece][:4]:
+        # of what joins a set to itself, the coils of a spring reach beyond the line that its number belongs to
+        for corners in places(item, node) if len(item.ends) == 1 else _ends(item, node):
             end = next((e for e, n in zip(item.ends, item.nodes) if n == node), item.ends[0])
             rim = item.symbol in ROUND
             found += [(Anchor(*start, end.moves), centre) for start, centre in _candidates(corners, rim)]
