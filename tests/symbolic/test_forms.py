@@ -8,6 +8,7 @@ import sympy as sp
 from oracles.symbolic_truth import TRUTH, by_hand, equal, matrix, names_of, read
 
 import lmoc
+from lmoc.cli.main import main
 from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.equilibria import equilibria
 from lmoc.symbolic.linearize import linearize
@@ -296,3 +297,11 @@ def test_a_derivative_without_a_value_in_symbols_is_refused():
     with pytest.raises(lmoc.ModelError, match="E0663.*no value in symbols"):
         dae.linearize(symbolic=True)
     assert dae.linearize().A == pytest.approx(np.array([[0, 1], [-1, 0]]))
+
+
+def test_matrices_are_written_where_eigenvalues_are_lost_in_rounding(tmp_path, capsys):
+    text = "model M Real x(start = 1, fixed = true), v(start = 0, fixed = true); "
+    (tmp_path / "m.lmo").write_text(text + "equation der(x) = v; der(v) = -x - v*(2 + x)^1000; end M;")
+    assert main(["linearize", str(tmp_path / "m.lmo"), "-o", str(tmp_path / "m.npz")]) == 2
+    assert "eigenvalues are lost" in capsys.readouterr().err
+    assert np.load(tmp_path / "m.npz")["A"].shape == (2, 2)

@@ -54,11 +54,11 @@ def execute(arguments: argparse.Namespace) -> int:
         model = dae.linearize(at, arguments.symbolic, inputs, arguments.output or None)
         shifted = arguments.realization and any(np.any(B) for B in model.Bs[1:])
         model = model.realization() if arguments.realization else model
+        _write(model, dae.name, arguments)  # where the text is refused, since eigenvalues are lost, there are files
         if arguments.json:
             text = json.dumps(as_data(model), indent=2, ensure_ascii=False)
         else:
             text = _symbols(model) if model.symbolic else _numbers(model)  # with eigenvalues, which take their time
-    _write(model, dae.name, arguments)
     if not arguments.json:
         moment = f"at t = {shown(at)} s " if isinstance(at, float) and model.time is None else ""
         print(f"{dae.name}: linear model {moment}{_about(model)}")

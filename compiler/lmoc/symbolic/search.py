@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.numerics.limits import INFINITE
 from lmoc.numerics.start.targets import own_starts
 from lmoc.support.records import dataclass
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 _REACH = 10.0  # half the side of the box that is searched, in SI units …
 _SIZES = 3.0  # … and in sizes of the scene, where that is more
 _LOOKED_AT = 5  # starts at which the sizes of equations are taken
-_LARGEST = 1e7  # m; what is larger stands for infinity
 _SMALL = 1e3  # sizes of the scene: a metre is no larger than so many of them
 SINGULAR = 1e-7  # of the largest singular value
 STEPS = 60  # of Newton's method
@@ -62,7 +62,7 @@ def scene_size(flat: FlatDAE, values: np.ndarray) -> float:
     values = flat.extended(values)
     own = np.where(flat.kind <= Kind.PARAMETER, values, own_starts(flat, values)[0])
     lengths = np.abs(own[flat.per_variable(lambda b: b.unit == "m", bool)])
-    return float(lengths[lengths <= _LARGEST].max(initial=0.0)) or 1.0
+    return float(lengths[lengths <= INFINITE].max(initial=0.0)) or 1.0
 
 
 def reach_of(size: float) -> float:

@@ -8,10 +8,10 @@ import numpy as np
 
 from lmoc.engine.library import library
 from lmoc.numerics.coordinates.limits import LIMITS, limits_in_c
+from lmoc.numerics.limits import INFINITE
 from lmoc.numerics.plan.plan import Plan
 
 LARGE, SMALL = 10.0, 1e3  # times the unit is a mechanism's size at the most; times that size the unit is
-INFINITE = 1e7  # m; lengths beyond stand for none
 
 
 def states_by_pivots(matrix: np.ndarray) -> list[int]:

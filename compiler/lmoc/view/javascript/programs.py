@@ -107,14 +107,19 @@ def packed_programs(
             p.integers(entries)
     p.integer(watch is not None)
     if watch is not None:
-        p.each((int(np.asarray(numbers["constraints"])), *watch.own.shape, watch.ranked))
-        p.integers(watch.own.watched)
-        p.reals(watch.units)
-        for table in (watch.entries, watch.own.place, watch.told, watch.solved):
-            p.integers(table)
-        p.reals(gauss_tables())
-        p.reals(list(vars(LIMITS).values()))
+        _pack_watch(p, watch, int(np.asarray(numbers["constraints"])))
     return p.finish(), numbers
+
+
+def _pack_watch(p: Packer, watch: CoordinateTables, program: int) -> None:
+    """What the choice of coordinates is judged by, as `lmoc_page_read_coordinates` reads it."""
+    p.each((program, *watch.own.shape, watch.ranked))
+    p.integers(watch.own.watched)
+    p.reals(watch.units)
+    for table in (watch.entries, watch.own.place, watch.told, watch.solved):
+        p.integers(table)
+    p.reals(gauss_tables())
+    p.reals(list(vars(LIMITS).values()))
 
 
 def unknowns_of(plan: Plan) -> np.ndarray:
