@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import simpson
 
 import lmoc
 
@@ -168,6 +169,18 @@ def test_coordinates_change_between_impacts_and_events(wall, speed):
     fine = angular.simulate(stop=4, points=4001, initial={"omega": speed}, rtol=1e-9)
     above = -np.cos(fine["theta"]) > 0.1
     assert run["turns"][-1] == np.count_nonzero(above[1:] & ~above[:-1])
+
+
+def test_what_happens_in_a_step_that_is_good_in_part_is_not_missed():
+    """A step of a Taylor series is looked at several times; where the coordinates serve to its middle alone, events
+    before that are found where they are, by θ' = √(v² − 2g(1 − cos θ))."""
+    text = CARTESIAN.replace("WALL", "9").replace("y > 0.1", "x > 0.5")
+    run = lmoc.compile_text(text).simulate(stop=4, points=3, rtol=1e-9, solver="taylor")
+    angle = np.pi / 6 + 2 * np.pi * np.arange(4)
+    ways = [np.linspace(0, a, 4001) for a in angle]
+    expected = [simpson(1 / np.sqrt(7.1**2 - 2 * 9.81 * (1 - np.cos(w))), x=w) for w in ways]
+    assert len(run.coordinates) > 9
+    assert [v.time for v in run.events] == pytest.approx(expected, abs=1e-8)
 
 
 def test_a_closed_loop_hits_a_wall_on_its_own_branch():

@@ -215,34 +215,33 @@ class Loop:
         if status not in (Status.OK, Status.STIFF):
             self.place = None
             return status
-        if self.problem.guard is not None:
-            judged = self.judge(start)
-            if judged is not Status.OK:
-                return judged
-        if self.finder is not None:
-            found = self.finder.first(run)
+        judged, end = (Status.OK, None) if self.problem.guard is None else self.judge(start)
+        until = run.t if end is None else end[0]
+        if self.finder is not None and until > start[0]:  # what is good of a step counts
+            found = self.finder.first(run, until)
             if found is not None:
                 self.place = found
                 self.show(found[0])
                 return Status.ROOT
-        self.place = None
+        self.place = end
+        if end is not None:
+            self.show(until)
+            return judged
         if self.next <= run.t:
             self.show(run.t)
         return status if self.problem.correction is None else self.correct(status)
 
-    def judge(self, start: tuple[float, np.ndarray]) -> Status:
-        """Have the guard judge the last step; where that is rejected, the run ends at the last good place within it."""
+    def judge(self, start: tuple[float, np.ndarray]) -> tuple[Status, tuple[float, np.ndarray] | None]:
+        """Have the guard judge the last step; return as well the last good place within it where it is rejected."""
         run, guard, good = self.run, self.problem.guard, start
         looks = run.looks if self.problem.correction is None else 1
         for t in np.linspace(start[0], run.t, looks + 1)[1:].tolist():
             place = (t, run.x) if t == run.t else (t, run.interpolate(np.array([t]))[0])
             judged = guard(*place)
             if judged is not Status.OK:
-                self.place = good
-                self.show(good[0])
-                return judged
+                return judged, good
             good = place
-        return Status.OK
+        return Status.OK, None
 
     def correct(self, status: Status) -> Status:
         """Move the state as the problem's correction says, and go on from there."""

@@ -33,10 +33,10 @@ class RootFinder:
         self._run: Integration
         self._seen: tuple[np.ndarray, np.ndarray]  # times and states that have been looked at last
 
-    def first(self, run: Integration) -> tuple[float, np.ndarray] | None:
-        """Return the place (t, x) in the last step at which the integration shall end, None where it goes on."""
+    def first(self, run: Integration, end: float) -> tuple[float, np.ndarray] | None:
+        """Return the place (t, x) in the last step where the integration shall end; None where it goes on to `end`."""
         self._run = run
-        self._finder.begin(run.before, run.t)
+        self._finder.begin(run.before, end)
         while True:
             t = self._finder.next()
             if t is None:
