@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from lmoc.run import Run
     from lmoc.symbolic.places import Point
 
-_SHARE = (5**0.5 - 1) / 2  # by which quantities are changed less and less
 
 
 @dataclass(frozen=True)
@@ -243,7 +242,7 @@ def _first(session: Session, request: Request, run: Run, directions: Sequence[Di
     Those of the states follow from the equations of the start where these determine them and nothing happens there;
     else they are differences of starts.
     """
-    from lmoc.numerics.run.sensitivities import STEP, Tangent, difference, mode_registers
+    from lmoc.numerics.run.sensitivities import STEP, Tangent, difference
 
     segment = run.trajectory.segments[0]
     count = len(segment.observer.plan.states)
@@ -254,40 +253,44 @@ def _first(session: Session, request: Request, run: Run, directions: Sequence[Di
         step = STEP * direction.size
         return difference(lambda change: _start_of_changed(session, request, segment, {direction: change}), step)
 
-    modes = count + mode_registers(segment.observer.plan)
-    if len(modes):
-        again = any(s.begin == segment.begin for s in run.trajectory.segments[1:])
-        held = _start_states(session, request, segment, {}, {}) if again else np.append(x, segment.observer.base)
-        taken = held[modes]
-        _check_modes(directions, taken, lambda changes: _start_of_changed(session, request, segment, changes)[modes])
     table = np.stack([by_starts(d) if known is None else known for d, known in zip(directions, own, strict=True)])
-    return Tangent(segment.begin, x, table[:, :count], np.nan_to_num(table[:, count:]))
+    first = Tangent(segment.begin, x, table[:, :count], np.nan_to_num(table[:, count:]))
+    if segment.mode is not None:
+        _check_modes(session, request, run, directions, first, all(known is not None for known in own))
+    return first
 
 
 def _check_modes(
-    directions: Sequence[Direction], taken: np.ndarray, modes: Callable[[Mapping[Direction, float]], np.ndarray]
+    session: Session, request: Request, run: Run, directions: Sequence[Direction], first: Tangent, smooth: bool
 ) -> None:
-    """Refuse a start at which a mode is on its edge: friction that sticks there, and slips beside it.
+    """Refuse a start at which a mode is on its edge.
 
-    All quantities are changed at once, by shares that have no ratio at which two would make up for each other; one by
-    one where another mode comes of that, or nothing does: a value may stand at its bound.
+    Parameters
+    ----------
+    smooth : nothing happens there but that laws take their modes
     """
-    from lmoc.numerics.run.sensitivities import STEP, refused
+    from lmoc.numerics.run.sensitivities import STEP, mode_registers
+    from lmoc.numerics.run.start_edges import check_edges, modes_at_start
+    from lmoc.numerics.run.surroundings import OVER_EVENTS
 
-    def same(changes: Mapping[Direction, float]) -> bool | None:
+    anew = modes_at_start(request.occasions or (), directions, first) if smooth else None
+    if anew is not None:
+        check_edges(directions, anew, OVER_EVENTS)
+        return
+    segment = run.trajectory.segments[0]
+    modes = len(first.x) + mode_registers(segment.observer.plan)
+    again = any(s.begin == segment.begin for s in run.trajectory.segments[1:])
+    held = _start_states(session, request, segment, {}, {}) if again else np.append(first.x, segment.observer.base)
+    taken = held[modes]
+
+    def same(changes: np.ndarray) -> bool | None:
+        given = {d: c for d, c in zip(directions, changes.tolist(), strict=True) if c}
         try:
-            return np.array_equal(modes(changes), taken, equal_nan=True)
+            return np.array_equal(_start_of_changed(session, request, segment, given)[modes], taken, equal_nan=True)
         except ModelError:
             return None
 
-    for sign in (1.0, -1.0):
-        steps = {d: sign * STEP * d.size for d in directions}
-        if len(steps) > 1 and same({d: s * _SHARE**k for k, (d, s) in enumerate(steps.items())}):
-            continue
-        for direction, step in steps.items():
-            if same({direction: step}) is False:
-                name = direction.name
-                raise refused(f"with another value of '{name}' the start has another mode: it is on its edge")
+    check_edges(directions, same, STEP)
 
 
 def _slopes_at_start(

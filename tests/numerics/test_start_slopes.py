@@ -77,7 +77,7 @@ def test_equations_decide_level_by_level():
     def deciding(count, *level):
         return start_slopes._deciding(rows[:count], reads[:count], np.array(level), met[:count])
 
-    assert deciding(3, 0, 1, 2).tolist() == [0, 1]
+    assert [rows.tolist() for rows in deciding(3, 0, 1, 2)] == [[0, 1], []]
     assert deciding(3, 0, 2, 1) is None  # what is missed would decide
     assert deciding(1, 0) is None  # a direction is left
     parallel = np.array([[0.6, 0.8], [0.6, 0.8], [0.0, 1.0]])
@@ -119,3 +119,14 @@ def test_a_start_value_that_contradicts_a_fixed_one_is_refused():
     )
     with pytest.raises(lmoc.ModelError, match="contradict"):
         dae.simulate(stop=0.1, sensitivities=("q",))
+
+
+def test_an_equation_without_a_slope_may_keep_what_it_reads():
+    """√(L² - y²) is asked to be x0 = L at y = 0, where it has its largest value; c more, it has none nearby."""
+    held = BAR.format(x="start = x0, fixed = true", y="", v="").replace("x0 = 1.2", "x0 = L + c")
+    held = held.replace("L = 2", "L = 2, c = 0").replace("y(start = 1", "y(start = 0").replace("vx()", "vx")
+    run, made = _slopes(held, ("L",))
+    assert made == 0
+    assert run.sensitivity("x", "L")[0] == pytest.approx(1) and run.sensitivity("y", "L")[0] == 0
+    with pytest.raises(lmoc.ModelError):
+        lmoc.compile_text(held).simulate(stop=0.1, points=3, sensitivities="c")

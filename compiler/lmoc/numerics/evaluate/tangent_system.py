@@ -13,7 +13,7 @@ import numpy as np
 
 from lmoc.engine.accelerator import TapeAccelerator
 from lmoc.expression.dag import Expr, slot
-from lmoc.ir.program import Apply, Program
+from lmoc.ir.program import Apply, Program, needed_steps
 from lmoc.lower.blocks import derivatives_tape
 from lmoc.lower.chain_rule import ChainRule
 from lmoc.numerics.evaluate.engine_system import EngineSystem
@@ -33,7 +33,7 @@ class Tangents:
     ----------
     program : that of the plan behind the step that adds the tangents
     inputs : (n·(1 + m),) registers of the states, then of the tangents, one direction after the other
-    outputs : (n·(1 + m),) places of their rates
+    outputs : places of their rates, (n·(1 + m),), or of what else is wanted, (k·(1 + m),)
     held, directions : (k,), (k, m) registers of the parameters that move, and of how
     accelerator : of the tape
     """
@@ -46,27 +46,30 @@ class Tangents:
     accelerator: TapeAccelerator
 
 
-def _kept(plan: Plan) -> dict[tuple[bytes, bytes, int], Tangents]:
+def _kept(plan: Plan) -> dict[tuple[bytes, bytes, int, bytes], Tangents]:
     return {}
 
 
-def tangents_of(plan: Plan, registers: np.ndarray, moves: np.ndarray) -> Tangents:
+def tangents_of(plan: Plan, registers: np.ndarray, moves: np.ndarray, wanted: np.ndarray | None = None) -> Tangents:
     """Return the tangents of a plan, made once for the same parameters.
 
     Parameters
     ----------
     registers : (k,) parameters that move
     moves : (k, m) in which directions they do
+    wanted : registers in place of the rates of the states
     """
-    kept, key = plan.once(_kept), (registers.tobytes(), moves.tobytes(), moves.shape[1])
+    kept, own = plan.once(_kept), b"" if wanted is None else wanted.tobytes()
+    key = registers.tobytes(), moves.tobytes(), moves.shape[1], own
     if key not in kept:
         for oldest in list(kept)[: 1 - _KEPT]:
             kept.pop(oldest, None)
-        kept[key] = _made(plan, registers, moves)
+        program = plan.program if wanted is None else needed_steps(plan.full_program, wanted, plan.count)
+        kept[key] = _made(plan, registers, moves, program, plan.derivatives if wanted is None else wanted)
     return kept[key]
 
 
-def _made(plan: Plan, registers: np.ndarray, moves: np.ndarray) -> Tangents:
+def _made(plan: Plan, registers: np.ndarray, moves: np.ndarray, steps: Program, wanted: np.ndarray) -> Tangents:
     n, (k, m) = len(plan.states), moves.shape
     inputs, held, directions, z = np.split(
         plan.count + np.arange(n * (1 + m) + k * (1 + m) + m), np.cumsum([n * (1 + m), k, k * m])
@@ -76,14 +79,14 @@ def _made(plan: Plan, registers: np.ndarray, moves: np.ndarray) -> Tangents:
     program = (
         *_moved(plan.states, columns[:, 0], columns[:, 1:], np.ones((n, m), bool), z),
         *_moved(registers, held, directions, moves, z),
-        *plan.program,
+        *steps,
     )
     count = plan.count + n * (1 + m) + k * (1 + m) + m
-    rule = ChainRule(program, z, plan.derivatives, count)
+    rule = ChainRule(program, z, wanted, count)
     tape = derivatives_tape(program, rule, count, values=True)
-    rates = np.full((n, m), z[0])  # zero, where nothing moves
+    rates = np.full((len(wanted), m), z[0])  # zero, where nothing moves
     rates[rule.rows, rule.columns] = tape.results
-    outputs = np.concatenate([plan.derivatives, rates.T.ravel()])
+    outputs = np.concatenate([wanted, rates.T.ravel()])
     return Tangents(program, inputs, outputs, held, directions, TapeAccelerator(tape))
 
 
@@ -112,15 +115,20 @@ class TangentSystem(EngineSystem):
     left out, which Newton's method can do without.
     """
 
-    def __init__(self, plan: Plan, registers: np.ndarray, directions: np.ndarray) -> None:
+    def __init__(
+        self, plan: Plan, registers: np.ndarray, directions: np.ndarray, wanted: np.ndarray | None = None
+    ) -> None:
         """
         Parameters
         ----------
         registers : (k,) parameters that move
         directions : (k, m) how
+        wanted : registers in place of the rates of the states, for `values`
         """
-        own = tangents_of(plan, registers, directions != 0)
-        super().__init__(plan, own.program, own.inputs, own.outputs, own.accelerator)
+        own = tangents_of(plan, registers, directions != 0, wanted)
+        outputs = own.outputs if wanted is None else own.inputs
+        super().__init__(plan, own.program, own.inputs, outputs, own.accelerator)
+        self._places = own.outputs
         self._own_registers, self._moving, self.directions = own, registers, directions
         self._copies = 1 + directions.shape[1]
         self._states: EngineSystem | None = None
@@ -131,6 +139,19 @@ class TangentSystem(EngineSystem):
         self.w[own.held], self.w[own.directions] = base[self._moving], self.directions
         super().prepare(base, signals)
         self._states = None
+
+    def values(self, t: float, x: np.ndarray, near: EngineSystem) -> np.ndarray:
+        """Return what is wanted, and its tangents, (1 + m, k); NaN where there is none.
+
+        Parameters
+        ----------
+        x : (n·(1 + m),) the states and tangents
+        near : a system of this plan that stands there
+        """
+        unknowns = near.kernel.unknowns
+        self.rhs_near(t, x, unknowns, near.registers[unknowns], np.empty(self.n))
+        found = self.kernel.w[self._places].reshape(self._copies, -1)
+        return found if np.isfinite(self.kernel.w[self.inputs]).all() else np.full(found.shape, np.nan)
 
     def _of_states(self) -> EngineSystem:
         if self._states is None:

@@ -68,6 +68,9 @@ class Memory:
     stepping: int
 
 
+Begun = tuple[Memory, np.ndarray]  # what is known where laws are to take their modes, and the states (n,) there
+
+
 class HybridDynamics:
     """The events and laws of one run.
 
@@ -330,8 +333,14 @@ class HybridDynamics:
 
     # ------------------------------------------------------------------- what happens
 
-    def start(self, states: Starter, initial: object, near: RunState | None = None) -> np.ndarray:
+    def start(
+        self, states: Starter, initial: object, near: RunState | None = None, kept: list[Begun] | None = None
+    ) -> np.ndarray:
         """Return the states at the start, behind what happens there; `near` as of `Task`.
+
+        Parameters
+        ----------
+        kept : takes what is known before the laws take their modes, where somebody asks for it
 
         Raises
         ------
@@ -354,6 +363,8 @@ class HybridDynamics:
         if self.laws is None or self.report.errors:
             return x
         self._renew_laws()
+        if kept is not None:
+            kept.append((self.memory(), x))
         x, events = self.laws.start(self.span[0], x)
         self.records += events
         self._collect()

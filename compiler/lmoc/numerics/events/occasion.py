@@ -16,12 +16,21 @@ class Behind:
     Attributes
     ----------
     x, base : (n,), (registers,) the states, and what does not change until the next one
-    said : what decides whether the same has happened: names and kinds of events, and the laws' modes
+    told : names and kinds of events
+    mode : of the laws
     """
 
     x: np.ndarray
     base: np.ndarray
-    said: tuple[object, ...]
+    told: tuple[tuple[str, str], ...]
+    mode: bytes
+
+    def is_like(self, other: Behind) -> bool:
+        """Return whether the same has happened."""
+        return self.mode == other.mode and self.told == other.told
+
+
+START = -1  # in place of the index of a segment: the laws take their modes before the first one
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +39,7 @@ class Occasion:
 
     Attributes
     ----------
-    segment : its index
+    segment : its index; START where the laws take their modes
     dynamics : events and laws of the run
     memory : what they knew before
     outcome : of the segment, with all that ends it
@@ -49,6 +58,6 @@ class Occasion:
 
 def behind(dynamics: HybridDynamics, x: np.ndarray, first: int) -> Behind:
     """Return what an instant has led to; `first` is the number of events recorded before it."""
-    mode, said = dynamics.mode, tuple((e.name, e.kind) for e in dynamics.records[first:])
-    held = () if mode is None else (mode.closed.tobytes(), mode.implied.tobytes(), mode.direction.tobytes())
-    return Behind(x, dynamics.base(), (*said, *held))
+    mode = dynamics.mode
+    told = tuple((e.name, e.kind) for e in dynamics.records[first:])
+    return Behind(x, dynamics.base(), told, b"" if mode is None else mode.key)

@@ -18,12 +18,10 @@ import numpy as np
 from lmoc.messages.diagnostics import ModelError
 from lmoc.numerics.events.discrete_state import located, near_to
 from lmoc.numerics.events.occasion import Behind, Occasion, behind
-from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.run.sensitivities import (
-    STEP,
     Direction,
     Part,
     Sensitivities,
@@ -32,9 +30,7 @@ from lmoc.numerics.run.sensitivities import (
     agree,
     base_derivatives,
     check_motion,
-    difference,
     refused,
-    shifted,
     sizes_of,
 )
 from lmoc.numerics.run.surroundings import LITTLE, OVER_EVENTS, Surroundings
@@ -46,6 +42,7 @@ _NOISE = 1e-12  # of the sizes, what does not count in that
 _SHORT = 1e-4  # of the time since the last instant, over which slopes of functions are taken
 _TOGETHER = 1e-5  # share by which functions that vanish at one instant may move apart
 _ROUNDING = 1e-9  # of the time, what does not count in that
+_SAME_PLACE = 1e-6  # of a state, and of one: closed loops have other solutions elsewhere
 _PLACES = 12, 400  # in a segment at which functions are looked at, at least and at most
 
 Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as of `HybridDynamics.heights`
@@ -74,7 +71,7 @@ def with_events(
     if accumulation is not None:
         raise refused(f"the impacts of '{accumulation.name}' accumulate at t = {accumulation.time:.6g} s")
     segments, at, parts = trajectory.segments, first, []
-    made, by_segment = {}, {o.segment: o for o in occasions}
+    made, bases, by_segment = {}, {}, {o.segment: o for o in occasions}
     since = segments[0].begin
     each = trajectory.stats.get("steps", 0) / max(trajectory.last[0] - since, 1e-300)
     saltation: Saltation | None = None
@@ -112,7 +109,7 @@ def with_events(
                 saltation = Saltation(around, sweep, place)
                 place = saltation.behind
         elif following is not None:
-            place = _in_other_coordinates(segment, following, place, directions)
+            place = _in_other_coordinates(segment, following, place, sweep, bases)
         at = place
     return Sensitivities(directions, parts)
 
@@ -132,36 +129,32 @@ def _places(steps: float) -> int:
 
 
 def _in_other_coordinates(
-    segment: SegmentRecord, following: SegmentRecord, at: Tangent, directions: Sequence[Direction]
+    segment: SegmentRecord, following: SegmentRecord, at: Tangent, sweep: Sweep, bases: dict[int, np.ndarray]
 ) -> Tangent:
-    """Return the same place with its derivatives in the coordinates that follow: these are functions of the others."""
-    plan, sizes = following.observer.plan, sizes_of([segment])
+    """Return the same place with its derivatives in the coordinates that follow: these are functions of the others.
+
+    Parameters
+    ----------
+    bases : derivatives of what follows from parameters alone, by the plan
+    """
+    observer, plan = segment.observer, following.observer.plan
     table, places = plan.reduced.registers, np.array([at.time])
-    jets = list(zip(table.variable[plan.states].tolist(), table.order[plan.states].tolist(), strict=True))
-
-    def states(observer: Observer, x: np.ndarray) -> np.ndarray:
-        reduced = observer.plan.reduced
-        registers = np.array([observer.derivative(v, n) if n else reduced.register_of[v] for v, n in jets])
-        if registers.min(initial=0) < 0:
-            raise refused(f"the coordinates change at t = {at.time:.6g} s to some that are no variables")
-        return observer.followed(slice_of(observer.plan, registers))(places, x[None])[0]
-
-    def derivative(which: int, direction: Direction) -> np.ndarray:
-        moved = np.max(np.abs(at.by[which]) / sizes, initial=0.0)
-        step = STEP * min(direction.size, 1.0 / moved if moved > 0 else np.inf)
-
-        def changed(change: float) -> np.ndarray:
-            own = shifted(segment.observer, direction, change, at.base[which])
-            return states(own, at.x + change * at.by[which])
-
-        return difference(changed, step)
-
-    by = np.stack([derivative(k, direction) for k, direction in enumerate(directions)])
-    base, events = base_derivatives(following.observer, directions), plan.reduced.flat.events
+    jets = zip(table.variable[plan.states].tolist(), table.order[plan.states].tolist(), strict=True)
+    register_of = observer.plan.reduced.register_of
+    registers = np.array([observer.derivative(v, n) if n else register_of[v] for v, n in jets])
+    if registers.min(initial=0) < 0:
+        raise refused(f"the coordinates change at t = {at.time:.6g} s to some that are no variables")
+    x = observer.followed(slice_of(observer.plan, registers))(places, at.x[None])[0]
+    found, by = sweep.others(at, registers)
+    if not (np.abs(found - x) <= _SAME_PLACE * (1.0 + np.abs(x))).all() or not np.isfinite(by).all():
+        raise refused(f"the coordinates change at t = {at.time:.6g} s, where closed loops have no derivatives")
+    if id(plan) not in bases:
+        bases[id(plan)] = base_derivatives(following.observer, sweep.directions)
+    base, events = bases[id(plan)].copy(), plan.reduced.flat.events
     if events is not None:  # which discrete variables take along
         to, of = (s.observer.plan.reduced.register_of[events.discrete] for s in (following, segment))
         base[:, to] = at.base[:, of]
-    return Tangent(at.time, states(segment.observer, at.x), by, base)
+    return Tangent(at.time, x, by, base)
 
 
 class Saltation:
@@ -215,7 +208,7 @@ class Saltation:
     @property
     def _said(self) -> str:
         """What happens, in words."""
-        return ", ".join(dict.fromkeys(f"{s[0]} {s[1]}" for s in self._reached.said if isinstance(s, tuple)))
+        return ", ".join(dict.fromkeys(f"{name} {kind}" for name, kind in self._reached.told))
 
     def _error(self, which: int) -> ModelError:
         return self._around.grazes(which, self._at.time, self._said)
@@ -262,7 +255,7 @@ class Saltation:
         None where something else happens.
         """
         around, at, dynamics = self._around, self._at, self._around.dynamics
-        around.recall(which, change, at.base[which])
+        around.recall(around.change(which, change), at.base)
         x = at.x + change * at.by[which]
         later = self._delay(which, change, x)
         if later is None:
@@ -276,7 +269,7 @@ class Saltation:
         if found is None:
             return None
         reached = behind(dynamics, found, 0)
-        if reached.said != self._reached.said:
+        if not reached.is_like(self._reached):
             return None
         return np.concatenate([[at.time + later], reached.x, reached.base])
 
@@ -321,7 +314,7 @@ class Saltation:
         """
         at, later, sides = self._at, change * float(self._along[which]), []
         for sign in (-1.0, 1.0):
-            self._around.recall(which, sign * change, at.base[which])
+            self._around.recall(self._around.change(which, sign * change), at.base)
             x = at.x + sign * change * at.by[which]
             sides.append(self._missing(self._around.dynamics.heights(), x, sign * later))
         most = _TOGETHER * np.abs(self._slope) * max(abs(later), _ROUNDING * abs(at.time))

@@ -49,7 +49,7 @@ from lmoc.numerics.task.tolerances import Tolerances
 from lmoc.support.records import replace
 
 if TYPE_CHECKING:
-    from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
+    from lmoc.numerics.events.hybrid_dynamics import Begun, HybridDynamics, Memory
     from lmoc.numerics.events.occasion import Occasion
     from lmoc.numerics.failures.assertions import Assertions
     from lmoc.numerics.run.changes import Changes, Continuation
@@ -237,14 +237,25 @@ class _Run:
             return x
 
         going_on = isinstance(initial, End | RunState)
+        kept: list[Begun] | None = None if task.occasions is None else []
         try:
-            x = self.dynamics.start(states if going_on else begun, initial, task.near)
+            x = self.dynamics.start(states if going_on else begun, initial, task.near, kept)
         except Stopped as stopped:
             self.report.error("E0535", f"the start has no solution: {stopped.reason}", stopped.span, hint=stopped.hint)
             self.report.check()
         self.report.check()
+        if kept:
+            self._keep_start(*kept[0], x)
         self._begin(task.span.start)
         return x
+
+    def _keep_start(self, memory: Memory, before: np.ndarray, x: np.ndarray) -> None:
+        """Keep what is known before the laws take their modes; `before`, `x`: the states then, and behind it."""
+        from lmoc.numerics.events.occasion import START, Occasion, behind
+
+        outcome = Outcome(self.task.span.start, before, 0)
+        led = behind(self.dynamics, x, 0)
+        self.task.occasions.append(Occasion(START, self.dynamics, memory, outcome, 0.0, 0.0, led))
 
     def _begin(self, time: float) -> None:
         """Begin a segment with the values that hold now between events."""

@@ -324,7 +324,7 @@ class Sweep:
         key = id(self.plan), registers.tobytes(), (moves != 0).tobytes()
         self.system = made.get(key) or TangentSystem(self.plan, registers, moves)
         made[key] = self.system
-        self.system.directions = moves
+        self._registers, self.system.directions = registers, moves
         self.system.prepare(observer.base, observer.signals)
 
     def rates(self, t: float, x: np.ndarray) -> np.ndarray:
@@ -332,6 +332,15 @@ class Sweep:
         out = np.empty(self.system.n)
         self.system.rhs(t, np.concatenate([x, np.zeros(self.n * self.m)]), out)
         return out[: self.n]
+
+    def others(self, at: Tangent, registers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return other registers of the plan (k,) at a place to which this has come, and their derivatives (m, k)."""
+        x = np.concatenate([at.x, (at.by * self.scale[:, None]).ravel()])
+        self.system.rhs(at.time, x, np.empty(self.system.n))
+        system = TangentSystem(self.plan, self._registers, self.system.directions, registers)
+        system.prepare(self.observer.base, self.observer.signals)
+        found = system.values(at.time, x, self.system)
+        return found[0], found[1:] / self.scale[:, None]
 
     def _kinks(self, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
         """Return where the equations have kinks in time (k,), and the derivatives (m, k) of these instants.

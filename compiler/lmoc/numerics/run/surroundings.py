@@ -29,6 +29,7 @@ class Surroundings:
     occasion, directions : as given
     sizes : (n,) of the states
     since, room : s, the instant before, and the time since then
+    rates : (m, flat.count) derivatives of the parameter values
     """
 
     def __init__(self, occasion: Occasion, directions: Sequence[Direction], sizes: np.ndarray, since: float) -> None:
@@ -37,6 +38,7 @@ class Surroundings:
         self.time = occasion.outcome.time
         self.since, self._between = since, (since + self.time) / 2
         self.room = self.time - since
+        self.rates = np.stack([d.rates if d.is_parameter else np.zeros(len(memory.values)) for d in directions])
         self._discrete, self._push, self._held = (np.zeros(0, int) for _ in range(3))
         if reduced.flat.events is not None:
             self._discrete = reduced.register_of[reduced.flat.events.discrete]
@@ -46,21 +48,29 @@ class Surroundings:
             held = form.modes
             self._held = reduced.register_of[held]
 
-    def recall(self, which: int = 0, change: float = 0.0, base: np.ndarray | None = None) -> None:
-        """Have events and laws be as they were before the instant, with one quantity changed.
+    def change(self, which: int, by: float) -> np.ndarray:
+        """Return the changes (m,) in which one quantity is another."""
+        found = np.zeros(len(self.directions))
+        found[which] = by
+        return found
+
+    def recall(self, change: np.ndarray | None = None, base: np.ndarray | None = None) -> None:
+        """Have events and laws be as they were before the instant, with some quantities changed.
 
         Parameters
         ----------
-        base : (registers,) the derivatives of what does not change between events
+        change : (m,) by how much; None for nothing
+        base : (m, registers) the derivatives of what does not change between events
         """
-        memory, own = self.occasion.memory, np.zeros(len(self.occasion.memory.open)) if base is None else change * base
-        push = np.zeros(0) if memory.laws is None else memory.push + own[self._push]
-        discrete = own[self._discrete]
-        own[self._held] = 0.0
-        values = memory.values
-        if change and self.directions[which].is_parameter:
-            values = values + change * self.directions[which].rates
-        self.dynamics.recall(memory, values, memory.open + own, push, discrete, self._between)
+        memory, discrete = self.occasion.memory, np.zeros(len(self._discrete))
+        values, held = memory.values, memory.open
+        push = np.zeros(0) if memory.laws is None else memory.push
+        if change is not None and base is not None:
+            own = change @ base
+            push, discrete = push + own[self._push], own[self._discrete]
+            own[self._held] = 0.0
+            held, values = held + own, values + change @ self.rates
+        self.dynamics.recall(memory, values, held, push, discrete, self._between)
 
     # ------------------------------------------------------------------ what comes near
 
@@ -113,7 +123,7 @@ class Surroundings:
             moved = []
             step = OVER_EVENTS * direction.size
             for sign in (-1, 1):
-                self.recall(k, sign * step, base[k])
+                self.recall(self.change(k, sign * step), base)
                 moved.append(self.dynamics.heights()(np.array([t]), (x + sign * step * by[k])[None])[0, root])
             if heights[own] < LITTLE * direction.size * abs(moved[1] - moved[0]) / (2 * step):
                 raise self.grazes(k, t, "")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import cached_property
 
 import numpy as np
 
@@ -46,18 +45,21 @@ def term_sizes(rounding: Rounding, w: np.ndarray, time: float, states: np.ndarra
 
 def _parts(
     plan: Plan, equations: InitialEquations, outputs: np.ndarray
-) -> tuple[Program, Interpreter, Jacobian]:
-    """Return the evaluator of the outputs; without initial equations it depends on them alone, and is cached."""
+) -> tuple[Program, Interpreter, Jacobian, Rounding]:
+    """Return the evaluator of the outputs, with derivatives and rounding.
+
+    Without initial equations it depends on the outputs alone, and is cached.
+    """
     kept = plan.once(_kept_parts) if not len(equations.out) else {}
     key = outputs.tobytes()
     if key not in kept:
         program = needed_steps(equations.program, outputs, equations.count)
         made = Interpreter(program, equations.count), Jacobian(program, plan.states, outputs, equations.count)
-        kept[key] = program, *made
+        kept[key] = program, *made, Rounding(program, outputs, equations.count)
     return kept[key]
 
 
-def _kept_parts(plan: Plan) -> dict[bytes, tuple[Program, Interpreter, Jacobian]]:
+def _kept_parts(plan: Plan) -> dict[bytes, tuple[Program, Interpreter, Jacobian, Rounding]]:
     return {}
 
 
@@ -108,7 +110,7 @@ class StartSystem:
         equations = InitialEquations(plan, signals, report)
         self.place = equations.place
         outputs = np.concatenate([plan.reduced.register_of[targets.variable], equations.out]).astype(int)
-        self.program, self.interpreter, self.jacobian = _parts(plan, equations, outputs)
+        self.program, self.interpreter, self.jacobian, self._rounding = _parts(plan, equations, outputs)
         self.interpreter.reset()
         self.outputs = outputs
         self.w = np.concatenate([base, np.full(equations.count - plan.count, np.nan)])
@@ -123,10 +125,6 @@ class StartSystem:
         self.hard = np.concatenate([targets.hard, np.ones(len(equations.out), bool)])
         rank = np.concatenate([self.flat.start_rank[targets.variable], np.zeros(len(equations.out), int)])
         self.level = np.where(self.hard, 0, 1 + rank)
-
-    @cached_property
-    def _rounding(self) -> Rounding:
-        return Rounding(self.program, self.outputs, len(self.w))
 
     def restart(self) -> None:
         """Let blocks begin at their first guesses again, not at their last solutions."""
