@@ -14,6 +14,7 @@ TYPE_CHECKING = False  # as type checkers know it; importing `typing` would come
 if TYPE_CHECKING:
     from lmoc.compilation import compile, compile_text
     from lmoc.export.environment import Environment
+    from lmoc.export.vector_environment import VectorEnvironment
     from lmoc.interface import DAE
     from lmoc.messages.diagnostics import ModelError, SimulationError
     from lmoc.report.compare import compare
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from lmoc.support.budget import budget
     from lmoc.support.version import __version__
 
-__all__ = ["__version__", "DAE", "Environment", "ModelError", "Run", "SimulationError"]
+__all__ = ["__version__", "DAE", "Environment", "ModelError", "Run", "SimulationError", "VectorEnvironment"]
 __all__ += ["budget", "compare", "compile", "compile_text", "plot"]
 __all__ += ["lognormal", "normal", "sample", "triangular", "uniform"]
 
@@ -32,6 +33,7 @@ _HOME = {
     "__version__": "lmoc.support.version",
     "DAE": "lmoc.interface",
     "Environment": "lmoc.export.environment",
+    "VectorEnvironment": "lmoc.export.vector_environment",
     "budget": "lmoc.support.budget",
     "compare": "lmoc.report.compare",
     "compile": "lmoc.compilation",

@@ -19,7 +19,7 @@ from lmoc.simulation import Request
 if TYPE_CHECKING:
     import sympy
 
-    from lmoc.live import Live
+    from lmoc.live.scene import Live
     from lmoc.numerics.evaluate.functions import Functions
     from lmoc.run import Run
     from lmoc.symbolic.equations import EquationsOfMotion
@@ -136,7 +136,7 @@ class CompiledDAE(CompiledModel):
         ModelError
             As `simulate` does at its start.
         """
-        from lmoc.live import Live
+        from lmoc.live.scene import Live
 
         start = (self.flat.experiment.start or 0.0) if start is None else start
         options = {"parameters": parameters, "rtol": rtol, "energy": False}

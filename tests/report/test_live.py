@@ -5,7 +5,6 @@ import pytest
 from conftest import ROOT
 
 import lmoc
-import lmoc.live as live_module
 from lmoc.ir.names import UnknownNameError
 from lmoc.numerics.steps import dop853, onward
 
@@ -52,7 +51,7 @@ def test_steps_kept_in_c_have_the_bits_of_those_in_python(cart, monkeypatch, rto
     """The latter are those of a scene whose inputs ask Python."""
     ends = []
     for begin in (onward.begin, dop853.begin):
-        monkeypatch.setattr(live_module.onward, "begin", begin)
+        monkeypatch.setattr(onward, "begin", begin)
         live = cart.live(inputs={"F": 0.0}, rtol=rtol)
         for k, dt in enumerate((0.02, 0.02, 1.5, 0.3, 1e-4)):
             live.inputs["F"] = (-1.0) ** k * k

@@ -29,6 +29,7 @@ _FUNCTIONS = {
     "lmoc_dop853_more": (None, [_POINTER, _REAL, _REAL, *[_POINTER] * 5]),
     "lmoc_dop853_walk": (_INT, [_POINTER]),
     "lmoc_dop853_restart": (None, [_POINTER]),
+    "lmoc_dop853_abreast": (_COUNT, [_POINTER]),
     "lmoc_look": (_INT, [_POINTER, _REAL, _POINTER, _INT]),
     "lmoc_land_many": (_INT, [_POINTER, _COUNT, _POINTER, _POINTER]),
     "lmoc_keep": (None, [_POINTER]),

@@ -2,8 +2,8 @@
    time as there are lanes. The steps are those of `walk.c` and `taylor.c`, in the order in which `steps/loop.py` has them
    made. */
 
+#include "abreast.h"
 #include "taylor.h"
-#include "walk.h"
 
 /* Why a leg has ended, besides what a step has: so many steps were allowed; there were so many that it has to be looked
    at in Python whether they get on. */
@@ -35,21 +35,14 @@ typedef struct {
   double *memory;                 /* of series, (2*n*(LENGTH + 1) + n, lanes) */
 } lanes;
 
-static void forget(const lmoc_tape *t, int64_t count) {
-  for (int64_t k = 0; k < count; k++) {
-    t->blocks[k].ready = 0;
-    if (t->blocks[k].lu) lmoc_lu_forget(t->blocks[k].lu);
-  }
-}
-
 /* A run at its beginning in a lane; one that goes on alone has its registers and its order of pivots still. */
 static void prepare(const lanes *l, int64_t run, int64_t lane) {
   if (l->goes_on) return;
   const double *base = l->base + run*l->registers;
   for (int64_t k = 0; k < l->registers; k++) l->call->w[LMOC_AT(k) + lane] = base[k];
-  forget(l->call->tape, l->blocks);
+  lmoc_forget(l->call->tape, l->blocks);
   l->call->solved = l->call->marked = 0;
-  if (l->taylor) forget(l->taylor->series->start, l->start_blocks);
+  if (l->taylor) lmoc_forget(l->taylor->series->start, l->start_blocks);
 }
 
 /* Steps that may still be made; 0 at the end, and where there are to be no more: `found` says why. */

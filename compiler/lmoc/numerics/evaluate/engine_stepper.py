@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from lmoc.engine.kernel import Call
+from lmoc.engine.kernel import Call, Kernel
 from lmoc.engine.library import library
 from lmoc.numerics.dop853 import table
 from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
@@ -20,6 +20,7 @@ from lmoc.numerics.problem.stepper import RightHandSide, Stepper, Walked
 class InEngine(RightHandSide, Protocol):
     """The part of `engine_system.EngineSystem` that the steps need."""
 
+    kernel: Kernel
     evaluations: int
     samplers: list[Callable[[float], float]]
 

@@ -16,39 +16,35 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.ir.names import UnknownNameError, hint_for
-from lmoc.ir.program import Solve
+from lmoc.ir.flat import Kind
+from lmoc.live.integrator import Held, Integrator, is_smooth, variable_of
 from lmoc.messages.budgeted import budgeted
-from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, SimulationError, nearest
+from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
 from lmoc.numerics.events.steps import Steps
-from lmoc.numerics.laws.select import make_system
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.one_state import moved, why_not
 from lmoc.numerics.observe.trajectory import End
-from lmoc.numerics.plan import kinks
-from lmoc.numerics.plan.activity import lookout, pulsing
-from lmoc.numerics.plan.plan import Plan, build_plan
-from lmoc.numerics.plan.steps import stepping_inputs
-from lmoc.numerics.problem.base import Problem
-from lmoc.numerics.problem.status import Status
-from lmoc.numerics.signals.signals import Constant, Signal, bind_signals, break_times
-from lmoc.numerics.steps import automatic, choice, onward
-from lmoc.numerics.task.sizes import assumed_sizes
-from lmoc.support import budget
+from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.run import Run
-
-
-_AHEAD = 16  # steps for which functions of time are looked at together
-_AT_ONCE = 64  # steps between two looks at the budget
 
 
 class Scene(Protocol):
     """The scene that is stepped: a `DAE`."""
 
     def simulate(self, **options) -> Run: ...
+
+
+@dataclass(frozen=True)
+class _Home:
+    """Where a scene was made or copied."""
+
+    run: Run
+    end: End
+    given: Mapping[str, object]
+    events: int
+    smooth: Integrator | None
 
 
 class Live:
@@ -68,21 +64,26 @@ class Live:
         self.inputs = Inputs(self)
         self.events: list = list(run.events)
         self._stand(run)
+        self._settle_in()
 
     def _stand(self, run: Run, end: End | None = None) -> None:
         """Stand where a run has ended, or at another state of it."""
         self._run = run
         self._end = run.trajectory.end if end is None else end
         self.time = float(self._end.time)
-        self._smooth = _Smooth(run, self._end, self._given) if _is_smooth(run, self._given) else None
+        self._smooth = Integrator(run, self._end, self._given) if is_smooth(run, self._given) else None
 
-    def advance(self, dt: float) -> float:
+    def advance(self, dt: float, inputs: Mapping[str, float] | None = None) -> float:
         """Go on by dt seconds; returns the time there, which is an earlier one where the model says `terminate`.
+
+        Parameters
+        ----------
+        inputs : numbers that stand at inputs from now on, as if set before; here it is quicker
 
         Raises
         ------
         ModelError
-            E0541: dt is not positive.
+            E0541: dt is not positive. E0621, E0622: a value is no finite number, or there is no such input.
         SimulationError
             The integration failed; `.time` is the time reached. Where it has no explicit equations, the scene stays
             where it was before the call.
@@ -90,10 +91,31 @@ class Live:
         if not (type(dt) is float or isinstance(dt, Real)) or not 0 < dt < math.inf:  # the former is quicker
             raise ModelError([Diagnostic("E0541", f"a step of {dt!r} s is not possible", expected="seconds, above 0")])
         target = self.time + dt
+        if inputs:
+            held = self.held(tuple(inputs))
+            values = [_finite(*pair) for pair in inputs.items()]
+            if held is not None:
+                self._given.update(zip(inputs, values, strict=True))
+                return self._come_to(target) if held.goes_at_once(values, target) else self._advance(target)
+            for name, value in zip(inputs, values, strict=True):
+                self.inputs[name] = value
+        return self.reach(target)
+
+    def reach(self, target: float) -> float:
+        """Go on to a time ahead, s; returns the time there.
+
+        Raises
+        ------
+        SimulationError
+            As of `advance`.
+        """
         if not self._stepping and self._smooth is not None and self._smooth.goes_at_once(target):
-            self.time = target
-            return target
+            return self._come_to(target)
         return self._advance(target)
+
+    def _come_to(self, time: float) -> float:
+        self.time = time
+        return time
 
     @budgeted("the step")
     def _advance(self, target: float) -> float:
@@ -142,7 +164,7 @@ class Live:
         return self._smooth.observer if self._smooth is not None else self._run.trajectory.segments[-1].observer
 
     def _observed(self, name: str, x: np.ndarray) -> float:
-        return float(self._observer(_variable(self._run.flat, name), np.array([self.time]), x[None])[0, 0])
+        return float(self._observer(variable_of(self._run.flat, name), np.array([self.time]), x[None])[0, 0])
 
     def set(self, name: str, value: float) -> None:
         """Change a state now, or what one state alone determines.
@@ -173,8 +195,13 @@ class Live:
         UnknownNameError
             A KeyError, as of a single one.
         """
-        places = None if self._smooth is None else self._smooth.places(names)
-        return np.array([self[n] for n in names]) if places is None else self._smooth.run.x[places]
+        smooth = self._smooth
+        places = None if smooth is None else smooth.places(names)
+        return np.array([self[n] for n in names]) if smooth is None or places is None else smooth.run.x[places]
+
+    def places(self, names: Sequence[str]) -> np.ndarray | None:
+        """Return where variables stand among the states of the integrator; None where one is none, or there is none."""
+        return None if self._smooth is None else self._smooth.places(names)
 
     def _moved(self, x: np.ndarray, name: str, value: float) -> np.ndarray:
         """Return the states after a change of the one that a variable follows from."""
@@ -191,7 +218,48 @@ class Live:
         other._scene, other._options, other._given = self._scene, dict(self._options), dict(self._given)
         other.inputs, other.events, other._stepping = Inputs(other), list(self.events), dict(self._stepping)
         other._stand(self._run, self._here())
+        other._settle_in()
         return other
+
+    def rewind(self) -> None:
+        """Go back to the time and the state in which the scene was made or copied, with the inputs of then."""
+        home = self._home
+        self._given, self._stepping = dict(home.given), {}
+        del self.events[home.events :]
+        if home.smooth is None or not home.smooth.rewind(home.end, self._numbers()):
+            self._stand(home.run, home.end)
+        else:
+            self._run, self._smooth, self._end, self.time = home.run, home.smooth, home.end, float(home.end.time)
+
+    def _settle_in(self) -> None:
+        self._home = _Home(self._run, self._here(), dict(self._given), len(self.events), self._smooth)
+
+    def _numbers(self) -> list[tuple[np.ndarray, float]]:
+        """Return the variables of inputs that are numbers, and these."""
+        return [(self.inputs.variables(name), value) for name, value in self.inputs.items()]
+
+    def held(self, names: tuple[str, ...]) -> Held | None:
+        """Return what puts numbers at inputs and goes on, in C; None where Python takes part in a step."""
+        if self._smooth is None or self._stepping:
+            return None
+        found = self._smooth.held
+        if names not in found:
+            variables = [self.inputs.variables(name) for name in names]
+            moved = any(map(self._steps_motion, variables))
+            found[names] = None if moved else self._smooth.holding(variables)
+        return found[names]
+
+    def stand_at(self, time: float, inputs: Mapping[str, float]) -> None:
+        """Stand where somebody has brought the method at work, with the inputs that it was given (`held`)."""
+        held = self.held(tuple(inputs))
+        assert held is not None
+        held.note(list(inputs.values()))
+        self._given.update(inputs)
+        self._come_to(time)
+
+    def _steps_motion(self, variables: np.ndarray) -> bool:
+        """Return whether the motion depends on derivatives of an input, which steps where another number is given."""
+        return self._observer.plan.once(Steps).is_moved_by(variables)
 
     def _here(self, time: float | None = None) -> End:
         """Return the state now, or at a time between that the integrator has come to."""
@@ -201,7 +269,7 @@ class Live:
 
     def _give(self, name: str, variables: np.ndarray, value: float) -> None:
         """A new number for an input; where the motion depends on its derivative, it steps when the scene goes on."""
-        if self._observer.plan.once(Steps).is_moved_by(variables):
+        if self._steps_motion(variables):
             before = self._stepping.get(name, self[name])
             self._stepping.pop(name, None)
             if before != value:
@@ -228,10 +296,20 @@ class Inputs(MutableMapping):
         return float(value)
 
     def __setitem__(self, name: str, value: float) -> None:
+        self._live._give(name, self.variables(name), _finite(name, value))
+
+    def variables(self, name: str) -> np.ndarray:
+        """Return the variables of an input.
+
+        Raises
+        ------
+        ModelError
+            E0622: there is no such input.
+        """
         found = self._variables.get(name)
         if found is None:
             found = self._variables[name] = self._find(name)
-        self._live._give(name, found, _finite(name, value))
+        return found
 
     def _find(self, name: str) -> np.ndarray:
         flat = self._live._run.flat
@@ -252,130 +330,9 @@ class Inputs(MutableMapping):
         return sum(1 for _ in self)
 
 
-class _Smooth:
-    """One integrator that stays at work.
-
-    Attributes
-    ----------
-    run : the integrator, whose `x` are the states and quadratures
-    observer : computes all other variables
-    """
-
-    def __init__(self, run: Run, end: End, given: Mapping[str, object]):
-        report = Report()
-        self.values = run.trajectory.segments[-1].observer.values
-        self.signals = bind_signals(run.flat, given, report, run.reduced.inputs[1:])
-        self.plan: Plan = build_plan(run.reduced, self.signals, False, report)
-        report.check()
-        self.system = make_system(self.plan)
-        self.base = self.plan.base(self.values, self.signals)
-        self.system.prepare(self.base, self.signals)
-        self.observer = Observer(self.plan, self.values, self.base, self.signals)
-        self.registers = {variable: register for register, variable in self.plan.constants}
-        self.states, self.seen = {name: i for i, name in enumerate(end.states)}, {}
-        self.known: dict[tuple[str, ...], np.ndarray | None] = {}  # places of names asked for together
-        rtol, none = float(run.stats["rtol"]), np.zeros(0)
-        atol = rtol * 1e-3 * assumed_sizes(self.plan, self.values, end.x, {})
-        start, patience = float(end.time), automatic.patience(self.system)
-        self.problem = Problem(
-            self.system, start, end.x, math.inf, none, rtol, atol, lambda first, states: None, patience=patience
-        )
-        self.run = onward.begin(self.problem)
-        self.timed = _depends_on_time(self.plan, self.signals)
-        self.seen_until = start
-
-    def goes_at_once(self, target: float) -> bool:
-        """Integrate up to a time where that takes a few steps; return whether it has come there."""
-        return not self.timed and self.run.reach(target, _AT_ONCE) is Status.OK and self.run.t >= target
-
-    def go(self, target: float) -> bool:
-        """Integrate up to a time; False where a stiff method has to go on from the time reached.
-
-        Raises
-        ------
-        SimulationError
-        """
-        run = self.run
-        if not self.timed:
-            return self._reach(target)
-        if target > self.seen_until:
-            self._look_ahead(target)
-        for edge in choice.edges(replace(self.problem, t=run.t, end=target)):
-            if edge < run.t - choice.near(edge):
-                continue
-            before, behind = min(target, edge - choice.near(edge) / 2), edge + choice.near(edge) / 2
-            run.max_step = self.problem.lookout.longest(run.t, before)
-            if not self._reach(before):
-                return False
-            if behind > target:
-                break
-            run.t = max(run.t, behind)
-            run.jump(run.x)
-        return True
-
-    def _reach(self, target: float) -> bool:
-        try:
-            status = self._step_to(target)
-        except KeyboardInterrupt:  # wherever it strikes, within a step or between two
-            if not budget.interrupted():
-                raise
-            status = Status.SPENT
-        if status not in (Status.OK, Status.STIFF):
-            raise SimulationError(f"the run stopped at t = {self.run.t:.6g} s: {status.value}", self.run.t)
-        return status is Status.OK
-
-    def _step_to(self, target: float) -> Status:
-        run, begin = self.run, self.run.t
-        while run.t < target:
-            status = run.reach(target, _AT_ONCE)
-            if status is not Status.OK:
-                return status
-            budget.reached((run.t - begin) / (target - begin))
-        return Status.OK
-
-    def _look_ahead(self, target: float) -> None:
-        """Look at what depends on time alone, as far as some steps like the present one reach."""
-        start = self.run.t
-        stop = self.seen_until = start + _AHEAD * (target - start)
-        own = kinks.break_times(self.plan, self.base, start, stop)
-        given = break_times(self.signals, start, stop, kinks.MOST)
-        seen = lookout(self.plan, self.base, self.signals, (start, stop))
-        self.problem = replace(self.problem, lookout=seen, breaks=np.union1d(own, given))
-
-    def value(self, name: str) -> float:
-        """The value of a variable at the current time."""
-        x = self.run.x
-        place = self.states.get(name)
-        if place is not None:
-            return float(x[place])
-        seen = self.seen.get(name)
-        if seen is None:
-            seen = self.seen[name] = self.observer.prepare(_variable(self.observer.flat, name))
-        return float(seen(np.array([self.run.t]), x[None])[0, 0])
-
-    def places(self, names: Sequence[str]) -> np.ndarray | None:
-        """Return where variables stand among the states; None where one of them is none."""
-        key = tuple(names)
-        if key not in self.known:
-            found = [self.states.get(name) for name in key]
-            self.known[key] = None if None in found else np.array(found, int)
-        return self.known[key]
-
-    def give(self, variables: np.ndarray, value: float) -> bool:
-        """Put a number at an input; False where the system has it as a signal of another kind."""
-        given = variables.tolist()
-        if not all(isinstance(self.signals.get(v), Constant) for v in given):
-            return False
-        for v in given:
-            self.signals[v] = Constant(value)
-            if v in self.registers:
-                self.system.put(self.registers[v], value)
-        self.seen.clear()
-        self.run.restart()
-        return True
-
-
 def _finite(name: str, value: float) -> float:
+    if type(value) is float and -math.inf < value < math.inf:  # quicker than what follows
+        return value
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -384,27 +341,3 @@ def _finite(name: str, value: float) -> float:
         message = f"'{name}' cannot be set to this value"
         raise ModelError([Diagnostic("E0621", message, expected="a finite number", found=f"{value!r:.60}")])
     return number
-
-
-def _variable(flat: FlatDAE, name: str) -> np.ndarray:
-    found = flat.find(name)
-    if found is None or len(found) != 1:
-        if name.startswith("der("):
-            raise UnknownNameError(name, "derivatives are not available here; read a variable of the model")
-        raise UnknownNameError(name, hint_for(flat, name))
-    return found
-
-
-def _depends_on_time(plan: Plan, signals: Mapping[int, Signal]) -> bool:
-    """Return whether an integrator could step over something that happens at a time."""
-    steady = all(isinstance(signal, Constant) for signal in signals.values())
-    return not steady or bool(plan.once(pulsing)) or bool(plan.once(kinks.switches))
-
-
-def _is_smooth(run: Run, given: Mapping[str, object]) -> bool:
-    """Return whether nothing switches, no input steps with an impulse, and no coordinates have to be watched."""
-    flat, reduced, observer = run.flat, run.reduced, run.trajectory.segments[-1].observer
-    if stepping_inputs(observer.plan, bind_signals(flat, given, Report(), reduced.inputs[1:])):
-        return False
-    nonlinear = any(isinstance(step, Solve) and not step.linear for step in reduced.rhs)
-    return reduced.switched is None and flat.events is None and not nonlinear and len(reduced.states) > 0
