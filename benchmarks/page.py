@@ -1,6 +1,7 @@
-"""Pages in a real browser: size, first frame, complaints, and frames while a mass of a chain of 100 is dragged.
+"""Pages in a real browser: size, first frame, complaints, and frames of a hundred parts that run and are dragged.
 
     python benchmarks/page.py [FILE …]      all models without files
+    python benchmarks/page.py frames        the hundred parts alone
 
 The frames are those of Chromium's headless window, at 60 a second at most. Beside them stands what the page's thread
 works for a frame, which no other load changes: below 16 ms it is ready for the next one.
@@ -15,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from oracles.browser import browser, open_page  # noqa: E402
+from oracles.browser import browser, in_page, open_page  # noqa: E402
 
 import lmoc  # noqa: E402
 
@@ -60,39 +61,36 @@ equation
   annotation(experiment(StopTime = 20));
 end Chains;
 """
-DRAG = """
-const FRAMES = 120, svg = document.querySelector("#stage svg");
+READY = """
+const svg = document.querySelector("#stage svg");
 const box = document.querySelector("SELECTOR").getBoundingClientRect();
 svg.setPointerCapture = () => {};
 const [x, y] = [box.left + box.width / 2, box.top + box.height / 2];
 const send = (type, k) => svg.dispatchEvent(new PointerEvent(type, { bubbles: true, clientX: x + 20 * Math.sin(k / 9),
   clientY: y + 6 * Math.sin(k / 5), button: 0, buttons: 1, pointerId: 1 }));
-const measured = async () => {
+if (PLAYS) document.getElementById("play").click();
+await frames(5);
+if (DRAGS) {
   send("pointerdown", 0);
   send("pointermove", 9);
-  const times = [];
-  let shown = 0, before = "";
-  for (let k = 0; k < FRAMES; k++) {
-    send("pointermove", k);
-    await frames(1);
-    times.push(performance.now());
-    const now = [...document.querySelectorAll("#stage .item path")].map((p) => p.getAttribute("d")).join();
-    shown += now !== before;
-    before = now;
-  }
-  send("pointerup", FRAMES);
-  await idle();
-  const gaps = times.slice(1).map((t, k) => t - times[k]).sort((a, b) => a - b);
-  const items = document.querySelectorAll("#stage .item").length;
-  const frames_ = 1000 * gaps.length / (times.at(-1) - times[0]);
-  return { items, rate: frames_, worst: gaps.at(-1), changed: shown / FRAMES };
-};
-if (PLAYS) {
-  document.getElementById("play").click();
-  await frames(5);
 }
-return await measured();
+window.measured = async (count) => {
+  let [shown, moved, times] = [0, false, []];
+  const watch = new MutationObserver(() => (moved = true));
+  watch.observe(svg, { subtree: true, attributes: true });
+  for (let k = 0; k < count; k++) {
+    if (DRAGS) send("pointermove", k);
+    times.push(await new Promise(requestAnimationFrame));
+    shown += moved;
+    moved = false;
+  }
+  const gaps = times.slice(1).map((t, k) => t - times[k]).sort((a, b) => a - b);
+  const rate = 1000 * gaps.length / (times.at(-1) - times[0]);
+  return { items: document.querySelectorAll("#stage .item").length, rate, worst: gaps.at(-1), changed: shown / count };
+};
+await frames(20);
 """
+MODES = {"dragged at rest": (False, True), "dragged while running": (True, True), "running": (True, False)}
 
 
 def worked() -> float:
@@ -101,52 +99,50 @@ def worked() -> float:
     return next(m["value"] for m in metrics if m["name"] == "TaskDuration")
 
 
-def dragged(html: str, selector: str, plays: bool) -> str:
-    """Drag what a selector finds, and tell how the page follows."""
+def followed(html: str, selector: str, plays: bool, drags: bool) -> str:
+    """Let a scene run, or drag what a selector finds, and tell how the page follows."""
     browser().command("Performance.enable", timeDomain="threadTicks")
-    open_page(html, "return 0;")
+    script = READY.replace("SELECTOR", selector)
+    open_page(html, script.replace("PLAYS", str(plays).lower()).replace("DRAGS", str(drags).lower()))
     before = worked()
-    open_page(html, "return 0;")
-    opening = worked() - before
-    before = worked()
-    script = DRAG.replace("SELECTOR", selector).replace("PLAYS", str(plays).lower())
-    found = open_page(html, script).answer
-    work = (worked() - before - opening) / FRAMES
+    found = in_page(f"return await window.measured({FRAMES});")
+    work = (worked() - before) / FRAMES
     return (
         f"{found['rate']:.0f} frames a second, the longest {found['worst']:.0f} ms, {1000 * work:.1f} ms of work each; "
         f"{found['items']} items, anew in {found['changed']:.0%} of the frames"
     )
 
 
+def opened(path: Path) -> bool:
+    """Print what the page of a model is like, and return whether that is as it should be."""
+    try:
+        html = lmoc.compile(path).simulate().view().html
+    except (lmoc.ModelError, lmoc.SimulationError) as error:
+        print(f"{path.parent.name}/{path.stem}: {str(error).splitlines()[0]}", flush=True)
+        return True
+    seen = open_page(html, FACTS)
+    own = seen.answer
+    bad = seen.console or own["requests"] or own["wide"] or len(html) > LARGEST or not own["first"] < LATEST
+    size, hint = f"{len(html) / 1e6:.2f} MB", f" {own['hint']}" * bool(own["hint"])
+    facts = f"{size}, first frame {own['first']:.0f} ms, {own['sliders']} sliders{hint}"
+    print(f"{path.parent.name}/{path.stem}: {facts}{f' WRONG {seen.console} {own}' * bool(bad)}", flush=True)
+    return not bad
+
+
 def main(files: list[str]) -> int:
     """Print a line for each page; the number of pages that are not as they should be is the exit code."""
     warnings.simplefilter("ignore")
-    wrong = 0
-    for file in files or sorted(p for p in (ROOT / "models").rglob("*.lmo") if "failures" not in p.parts):
-        path = Path(file)
-        try:
-            html = lmoc.compile(path).simulate().view().html
-        except (lmoc.ModelError, lmoc.SimulationError) as error:
-            print(f"{path.parent.name}/{path.stem}: {str(error).splitlines()[0]}", flush=True)
-            continue
-        seen = open_page(html, FACTS)
-        own = seen.answer
-        bad = seen.console or own["requests"] or own["wide"] or len(html) > LARGEST or not own["first"] < LATEST
-        wrong += bool(bad)
-        size, hint = f"{len(html) / 1e6:.2f} MB", f" {own['hint']}" * bool(own["hint"])
-        facts = f"{size}, first frame {own['first']:.0f} ms, {own['sliders']} sliders{hint}"
-        print(f"{path.parent.name}/{path.stem}: {facts}{f' WRONG {seen.console} {own}' * bool(bad)}", flush=True)
-    if not files:
+    every = sorted(p for p in (ROOT / "models").rglob("*.lmo") if "failures" not in p.parts)
+    paths = [] if files == ["frames"] else [Path(file) for file in files] or every
+    wrong = sum(not opened(path) for path in paths)
+    if files in ([], ["frames"]):
         for name, text, selector in (
             ("chain", CHAIN, "#stage .mass path"),
             ("plane", PENDULUM, "#stage .particle circle"),
         ):
             html = lmoc.compile_text(text).simulate().view().html
-            for plays in (False, True):
-                print(
-                    f"{name}, dragged {'while running' if plays else 'at rest'}: {dragged(html, selector, plays)}",
-                    flush=True,
-                )
+            for mode, own in MODES.items():
+                print(f"{name}, {mode}: {followed(html, selector, *own)}", flush=True)
     return wrong
 
 

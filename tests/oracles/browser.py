@@ -83,19 +83,24 @@ def open_page(html: str, script: str, size: tuple[int, int] = (1200, 900), dark:
     own.command("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False)
     theme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
     own.command("Emulation.setEmulatedMedia", features=[theme])
-    body = f"""
-    const done = arguments[0];
-    const frames = async (n) => {{ for (let k = 0; k < n; k++) await new Promise(requestAnimationFrame); }};
-    const busy = () => document.body.hasAttribute("data-busy");
-    const idle = async () => {{ do await frames(2); while (busy()); await frames(1); }};
-    (async () => {{ await idle(); {script} }})().then((a) => done({{ a }}), (e) => done({{ e: String(e.stack ?? e) }}));
-    """
     with tempfile.TemporaryDirectory() as folder:
         page = Path(folder) / "page.html"
         page.write_text(html, encoding="utf-8")
         own.send("/url", {"url": page.as_uri()})
-        answer = own.send("/execute/async", {"script": body, "args": []})
+        answer = in_page(f"await idle(); {script}")
         console = [entry["message"] for entry in own.send("/se/log", {"type": "browser"})]
         picture = base64.b64decode(own.send("/screenshot", method="GET"))
+    return Seen(answer, console, picture)
+
+
+def in_page(script: str) -> object:
+    """Run the body of an async function, as of `open_page`, in the page that is open, and return what that returns."""
+    answer = browser().send("/execute/async", {"script": f"""
+    const done = arguments[0];
+    const frames = async (n) => {{ for (let k = 0; k < n; k++) await new Promise(requestAnimationFrame); }};
+    const busy = () => document.body.hasAttribute("data-busy");
+    const idle = async () => {{ do await frames(2); while (busy()); await frames(1); }};
+    (async () => {{ {script} }})().then((a) => done({{ a }}), (e) => done({{ e: String(e.stack ?? e) }}));
+    """, "args": []})  # fmt: skip
     assert "e" not in answer, answer["e"]
-    return Seen(answer.get("a"), console, picture)
+    return answer.get("a")

@@ -1,7 +1,7 @@
 // What the page says of one part: its equations, its values at an instant, its curves.
 
 import { format } from "./controls.js";
-import { $ } from "./dom.js";
+import { $, putText } from "./dom.js";
 import { Plots } from "./plots.js";
 
 const MOST_VALUES = 24;
@@ -51,8 +51,8 @@ export class Card {
     const rows = $("part-values").rows;
     const [values, others] = [this.read(t), this.readAgainst?.(t)];
     this.own.forEach((_, k) => {
-      rows[k].cells[1].textContent = format(values[k]);
-      rows[k].cells[2].textContent = others ? `(${format(others[k])})` : "";
+      putText(rows[k].cells[1], format(values[k]));
+      putText(rows[k].cells[2], others ? `(${format(others[k])})` : "");
     });
     this.plots.show(t);
   }

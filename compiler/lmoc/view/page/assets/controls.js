@@ -142,7 +142,7 @@ export class Starts {
       const unit = Object.assign(document.createElement("span"), { className: "unit", textContent: unitOf(name) });
       row.append(label, document.createElement("span"), entry, unit);
       group.append(row);
-      this.entries.set(name, entry);
+      this.entries.set(name, { entry, row, shown: NaN });
     }
     host.append(group);
     group.hidden = names.length === 0;
@@ -151,10 +151,11 @@ export class Starts {
   /** Take over values {name: value}; states that are not named have the value `of(name)`. */
   put(values, of) {
     this.values = Object.fromEntries(Object.entries(values).filter(([name]) => this.entries.has(name)));
-    for (const [name, entry] of this.entries) {
-      const text = format(this.values[name] ?? of(name));
-      if (entry.value !== text) entry.value = text; // while dragging, most stay
-      entry.closest(".slider").classList.toggle("moved", name in this.values);
+    for (const [name, own] of this.entries) {
+      const value = this.values[name] ?? of(name);
+      if (own.shown !== value || own.entry.value === "") own.entry.value = format(value); // while dragging, most stay
+      own.shown = value;
+      own.row.classList.toggle("moved", name in this.values);
     }
   }
 }

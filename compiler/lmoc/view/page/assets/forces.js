@@ -1,7 +1,7 @@
 // Forces as arrows in the picture, in scale with the largest of the run.
 
 import { format } from "./controls.js";
-import { $ } from "./dom.js";
+import { $, putText } from "./dom.js";
 
 export class Forces {
   constructor(items, unitOf) {
@@ -28,7 +28,7 @@ export class Forces {
   /** Show them at the instant t, `places` move the picture; none where they are not `wanted`. */
   show(t, stage, motion, places, wanted) {
     const shown = this.on && wanted && this.largest > 0;
-    $("scale").textContent = shown ? `(longest ${format(this.largest)} N)` : "";
+    putText($("scale"), shown ? `(longest ${format(this.largest)} N)` : "");
     const now = shown ? this.values(t) : [];
     let next = 0;
     const forces = shown ? [...this.names].map(([item, { length }]) => [item, now.slice(next, (next += length))]) : [];

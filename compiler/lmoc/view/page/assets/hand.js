@@ -5,13 +5,13 @@ const STILL = 4; // px that a press may move and be no drag
 /** `page` has `wanted(item)`, `pick(k)`, `take(k, place)`, which says whether it can be taken, `move(place)` and `drop()`. */
 export function listenToHand(stage, page) {
   const { svg } = stage;
-  let held = null; // {item, from, taken}
-  const place = (event) => stage.inside(event.clientX, event.clientY);
+  let held = null; // {item, from, taken, inside}
+  const place = (event) => held.inside(event.clientX, event.clientY);
   svg.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || held !== null) return;
     const item = stage.itemAt(event.clientX, event.clientY, page.wanted);
     if (item < 0) return;
-    held = { item, from: event, taken: false };
+    held = { item, from: event, taken: false, inside: stage.inside() };
     svg.setPointerCapture(event.pointerId);
   });
   svg.addEventListener("pointermove", (event) => {

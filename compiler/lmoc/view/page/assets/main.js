@@ -5,7 +5,7 @@ import { read, write } from "./address.js";
 import { givenAnswer, revived } from "./answer.js";
 import { Card } from "./card.js";
 import { Chooser, format, Sliders, Starts } from "./controls.js";
-import { $ } from "./dom.js";
+import { $, putText } from "./dom.js";
 import { canBeTaken, Drag } from "./drag.js";
 import { Engine } from "./engine.js";
 import { eventText, modesText, showEvents } from "./events.js";
@@ -23,6 +23,7 @@ import { Values } from "./values.js";
 
 const INSTANTS = 200; // at which the picture is looked at for the room that it needs
 const STEP = 200; // of these a run is walked through with the arrow keys
+const READ = 100; // ms in which nobody reads another number: while the scene runs, texts stay as long
 
 /** Open the page. `worker` is the script of its own simulation, `terms` are those of the equations, as functions. */
 export function open(data, worker, terms) {
@@ -39,6 +40,7 @@ class Page {
     this.init = {}; // states at the start that the hand has given
     this.pulls = []; // [t, part, signals] of the hand while the scene ran
     this.serial = 0;
+    this.told = -Infinity; // when texts have been written, ms
     this.engine = this.sliders = this.starts = this.motion = this.swing = null;
     this.accuracy = new Accuracy(data);
     this.drag = new Drag(this);
@@ -372,8 +374,8 @@ class Page {
   /** Show the instant t. */
   show(t) {
     $("time").value = String(t);
-    $("time").setAttribute("aria-valuetext", `${t.toFixed(3)} seconds`);
-    $("now").textContent = `t = ${t.toFixed(3)} s`;
+    const stays = this.player.playing && performance.now() - this.told < READ;
+    if (!stays) this.tellTime(t);
     if (this.drag.pulling !== null) {
       this.drag.pullUntil(t);
       return;
@@ -383,10 +385,22 @@ class Page {
       this.stage.show(this.motion, values, this.swing === null ? (this.otherPlaces?.(t) ?? null) : null);
       this.forces.show(t, this.stage, this.motion, values, this.swing === null);
     }
-    for (const shown of [this.plots, this.energy, this.card, this.shades, this.values]) shown.show(t);
-    $("modes").textContent = modesText(this.answer, t);
+    for (const plots of [this.plots, this.energy, this.card.plots]) plots.show(t);
+    if (!stays) this.tellValues(t);
+  }
+
+  tellTime(t) {
+    this.told = performance.now();
+    $("time").setAttribute("aria-valuetext", `${t.toFixed(3)} seconds`);
+    putText($("now"), `t = ${t.toFixed(3)} s`);
+  }
+
+  /** Show the instant t in numbers and words. */
+  tellValues(t) {
+    for (const shown of [this.card, this.shades, this.values]) shown.show(t);
+    putText($("modes"), modesText(this.answer, t));
     const event = this.answer.events.findLast((e) => e.time === t);
-    $("happened").textContent = event === undefined ? "" : eventText(event);
+    putText($("happened"), event === undefined ? "" : eventText(event));
   }
 
   writePlayer() {
@@ -395,6 +409,9 @@ class Page {
     $("play").setAttribute("aria-pressed", String(player.playing));
     $("speed").value = String(player.speed);
     $("loop").checked = player.loop;
-    if (!player.playing) this.remember();
+    if (player.playing) return;
+    this.remember();
+    this.tellTime(player.t);
+    if (this.drag.pulling === null) this.tellValues(player.t);
   }
 }

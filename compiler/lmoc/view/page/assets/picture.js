@@ -51,12 +51,11 @@ export class Stage {
     const group = svgElement("g", { class: `item ${/^[\w-]+$/.test(item.symbol) ? item.symbol : ""}` });
     group.dataset.item = String(k);
     if (item.part) group.append(Object.assign(svgElement("title"), { textContent: item.part }));
-    const shapes = item.shapes.map((shape) => shapeElement(shape));
-    group.append(...shapes);
+    const pieces = piecesOf(item).map((shapes) => ({ shapes, element: shapeElement(shapes[0]), written: {} }));
+    group.append(...pieces.map(({ element }) => element));
     host.append(group);
     const rim = hasRim(item) ? new Rim(item, group, svgElement) : null;
-    const moves = item.ends.some((end) => end.moves.length) || item.turn.variable !== "" || rim !== null || hasSlack(item);
-    return { item, group, shapes, rim, moves, placed: false };
+    return { item, group, pieces, rim, at: [] };
   }
 
   /** The number of the item under a place on the screen, or beside it; -1 where there is none. `wanted(item)` says which count. */
@@ -71,10 +70,13 @@ export class Stage {
     return -1;
   }
 
-  /** A place on the screen, in the picture. */
-  inside(x, y) {
-    const { x: px, y: py } = new DOMPoint(x, y).matrixTransform(this.svg.getScreenCTM().inverse());
-    return [px, py];
+  /** Places of the screen as places of the picture, as it stands now: to ask for that again is to lay out all that has moved. */
+  inside() {
+    const matrix = this.svg.getScreenCTM().inverse();
+    return (x, y) => {
+      const found = new DOMPoint(x, y).matrixTransform(matrix);
+      return [found.x, found.y];
+    };
   }
 
   /** Mark the items of a part; "" for none. */
@@ -104,10 +106,8 @@ export class Stage {
 
   /** Keep the texts of a picture legible that has been made smaller by a factor. */
   enlargeTexts(factor) {
-    for (const { item, shapes } of this.parts) {
-      item.shapes.forEach((shape, k) => {
-        if (shape.kind === "label") shapes[k].setAttribute("font-size", String(shape.size * factor));
-      });
+    for (const { element, shapes } of this.parts.flatMap(({ pieces }) => pieces)) {
+      if (shapes[0].kind === "label") element.setAttribute("font-size", String(shapes[0].size * factor));
     }
   }
 
@@ -126,15 +126,19 @@ export class Stage {
 
   /** Draw `forces` of items: tensions between two ends, pushes along the way of one, [fx, fy]; `largest` has the longest arrow. */
   showForces(motion, values, forces, largest) {
-    this.arrows.replaceChildren();
+    const drawn = [];
     for (const [item, force] of forces) {
       const size = force.length > 1 ? Math.hypot(...force) : force[0];
       if (!(Math.abs(size) > 0.01 * largest)) continue;
       const frame = motion.frame(item, values);
       const length = (ARROW * size) / largest;
-      if (item.ends.length === 2) this.arrows.append(arrow(place(frame, [1, 0, 0]), frame, -length));
-      this.arrows.append(arrow(place(frame, [0, 0, 0]), item.ends.length === 2 ? frame : direction(item, force), length));
+      if (item.ends.length === 2) drawn.push(arrow(place(frame, [1, 0, 0]), frame, -length));
+      drawn.push(arrow(place(frame, [0, 0, 0]), item.ends.length === 2 ? frame : direction(item, force), length));
     }
+    const { children } = this.arrows;
+    while (children.length > drawn.length) this.arrows.lastChild.remove();
+    while (children.length < drawn.length) this.arrows.append(svgElement("path", { class: "line force", "stroke-width": 2 }));
+    drawn.forEach((d, k) => children[k].setAttribute("d", d));
   }
 }
 
@@ -144,17 +148,39 @@ function direction(item, force) {
   return { cos: dx / Math.hypot(dx, dy), sin: dy / Math.hypot(dx, dy) };
 }
 
+/** Draw what is not where it was: each attribute that is written costs style, layout and paint. */
 function showParts(parts, motion, values) {
   for (const part of parts) {
-    if (part.placed && !part.moves) continue; // walls and names
-    part.placed = true;
-    const { item, shapes, rim } = part;
+    const { item, pieces, rim } = part;
     const frame = motion.frame(item, values);
-    rim?.show(motion.value(item.variables.angle, values), (vertex) => place(frame, vertex));
-    for (let k = 0; k < shapes.length; k++) placeShape(shapes[k], item.shapes[k], frame);
-    const curve = hasSlack(item) && item.ends.length === 2 ? sagging(frame, motion.slack(item, values)) : "";
-    if (curve !== "") shapes[0].setAttribute("d", curve);
+    const angle = rim === null ? 0 : motion.value(item.variables.angle, values);
+    const slack = hasSlack(item) && item.ends.length === 2 ? motion.slack(item, values) : 0;
+    const at = [frame.x, frame.y, frame.length, frame.cos, frame.sin, angle, slack];
+    if (at.every((v, k) => Object.is(v, part.at[k]))) continue;
+    part.at = at;
+    rim?.show(angle, (vertex) => place(frame, vertex));
+    for (const piece of pieces) placePiece(piece, frame);
+    const curve = slack === 0 ? "" : sagging(frame, slack);
+    if (curve !== "") putAttribute(pieces[0], "d", curve);
   }
+}
+
+function putAttribute({ element, written }, name, value) {
+  if (written[name] === value) return;
+  written[name] = value;
+  element.setAttribute(name, value);
+}
+
+/** The shapes of an item, those together that one element draws: lines next to each other that look alike. */
+function piecesOf(item) {
+  const found = [];
+  for (const shape of item.shapes) {
+    const own = hasSlack(item) || shape.kind !== "path" || shape.fill ? null : [shape.colour, shape.width, ...shape.dash].join();
+    const last = found.at(-1);
+    if (own !== null && last?.own === own) last.shapes.push(shape);
+    else found.push({ own, shapes: [shape] });
+  }
+  return found.map(({ shapes }) => shapes);
 }
 
 /** A colour that the model gives, not one of the page's own. */
@@ -217,26 +243,35 @@ function shiftLevels(text, size) {
   }
 }
 
-function placeShape(element, shape, frame) {
+function placePiece(piece, frame) {
+  const [shape] = piece.shapes;
   if (shape.kind === "path") {
-    let d = "";
-    for (const vertex of shape.vertices) {
-      const [x, y] = place(frame, vertex);
-      d += `${d === "" ? "M" : "L"}${x.toFixed(2)} ${y.toFixed(2)}`;
-    }
-    element.setAttribute("d", shape.closed ? `${d}Z` : d);
+    putAttribute(piece, "d", piece.shapes.map((own) => outlineOf(own, frame)).join(""));
     return;
   }
   const [x, y] = place(frame, shape.kind === "circle" ? shape.centre : shape.at);
-  const [across, down] = shape.kind === "circle" ? ["cx", "cy"] : ["x", "y"];
-  element.setAttribute(across, x.toFixed(2));
-  element.setAttribute(down, (shape.kind === "circle" ? y : y + 0.35 * shape.size).toFixed(2));
+  if (shape.kind === "label") {
+    putAttribute(piece, "transform", `translate(${x.toFixed(2)} ${(y + 0.35 * shape.size).toFixed(2)})`);
+    return;
+  }
+  putAttribute(piece, "cx", x.toFixed(2));
+  putAttribute(piece, "cy", y.toFixed(2));
 }
 
+/** The path of a shape. */
+function outlineOf({ vertices, closed }, frame) {
+  const points = vertices.map((vertex) => {
+    const [x, y] = place(frame, vertex);
+    return `${x.toFixed(2)} ${y.toFixed(2)}`;
+  });
+  return `M${points.join("L")}${closed ? "Z" : ""}`;
+}
+
+/** The path of an arrow. */
 function arrow([x, y], { cos, sin }, length) {
   const tip = [x + length * cos, y + length * sin];
   const back = Math.sign(length) * Math.min(8, Math.abs(length));
   const side = (s) => [tip[0] - back * cos - s * 3.5 * sin, tip[1] - back * sin + s * 3.5 * cos];
   const points = [[x, y], tip, side(1), tip, side(-1)].map((p) => p.map((v) => v.toFixed(2)).join(" "));
-  return svgElement("path", { class: "line force", "stroke-width": 2, d: `M${points.join("L")}` });
+  return `M${points.join("L")}`;
 }

@@ -2,6 +2,7 @@
 
 import { tableRow } from "./card.js";
 import { format } from "./controls.js";
+import { putText } from "./dom.js";
 
 export class Values {
   constructor(body, unitOf) {
@@ -20,8 +21,8 @@ export class Values {
     const [now, other] = [this.now(t), this.other?.(t)];
     for (let k = 0; k < now.length; k++) {
       const { children } = this.body.children[k];
-      children[1].textContent = format(now[k]);
-      children[3].textContent = other ? `recorded ${format(other[k])}` : "";
+      putText(children[1], format(now[k]));
+      putText(children[3], other ? `recorded ${format(other[k])}` : "");
     }
   }
 }
