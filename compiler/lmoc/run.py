@@ -37,6 +37,8 @@ class Run(Result):
         ------
         KeyError
             It was not asked for, or there is no such variable.
+        ModelError
+            E0575: at an output time something happens that comes earlier or later with it, so that there are two.
         """
         if self.tangents is None:
             raise KeyError(f"sensitivities were not asked for: simulate(sensitivities=({by!r},))")

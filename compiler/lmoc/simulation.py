@@ -257,7 +257,31 @@ def _first(session: Session, request: Request, run: Run, directions: Sequence[Di
     first = Tangent(segment.begin, x, table[:, :count], np.nan_to_num(table[:, count:]))
     if segment.mode is not None:
         _check_modes(session, request, run, directions, first, all(known is not None for known in own))
+    _check_conditions(session, request, run, directions, first)
     return first
+
+
+def _check_conditions(
+    session: Session, request: Request, run: Run, directions: Sequence[Direction], first: Tangent
+) -> None:
+    """Refuse a start at which a condition is on its edge, and what it decides jumps there."""
+    from lmoc.numerics.evaluate.engine_system import EngineSystem
+    from lmoc.numerics.run.start_edges import conditions_on_edge, on_edge, refuse_jump
+
+    segment, count = run.trajectory.segments[0], len(first.x)
+    for k, by_time in conditions_on_edge(request.occasions or (), directions, first):
+        direction, system = directions[k], EngineSystem(segment.observer.plan)
+        if by_time and segment.observer.flat.events.whens:  # what follows from it is no rate
+            raise on_edge(direction.name)
+
+        def values(change: float, direction: Direction = direction, system: EngineSystem = system) -> np.ndarray:
+            found = _start_of_changed(session, request, segment, {direction: change})
+            system.prepare(found[count:], segment.observer.signals)
+            rates = np.empty(count)
+            system.rhs(segment.begin, found[:count], rates)
+            return np.concatenate([found[:count], rates])
+
+        refuse_jump(direction.name, values, direction.size)
 
 
 def _check_modes(

@@ -121,7 +121,7 @@ end Counter;
 
 def test_discrete_variables_and_reinit():
     """At t = (1 + p)/w the rate becomes 1 + p and y 2 p: y = 2 p + (1 + p)(t - (1 + p)/w)."""
-    run = lmoc.compile_text(COUNTER).simulate(stop=1, points=21, rtol=1e-8, sensitivities=("w", "p"))
+    run = lmoc.compile_text(COUNTER).simulate(stop=1, points=24, rtol=1e-8, sensitivities=("w", "p"))
     late = run.time > 0.65
     assert np.allclose(run.sensitivity("y", "w")[late], 1.3**2 / 2**2, atol=1e-7)
     assert np.allclose(run.sensitivity("y", "p")[late], 2 + run.time[late] - 2 * 1.3 / 2, atol=1e-7)
@@ -401,3 +401,46 @@ end Edge;""")
     with pytest.raises(lmoc.ModelError, match="on its edge"):
         dae.simulate(stop=0.3, points=4, sensitivities=("vb",))
     assert dae.simulate(stop=0.3, points=4, sensitivities=("spring.k",)).time[-1] == 0.3
+
+
+EDGE_OF_A_CONDITION = """
+model A
+  parameter Real p = 0;
+  Real x(start = {x0}, fixed = true);
+  output Real y(start = 0, fixed = true);
+equation
+  der(x) = {v};
+  der(y) = {rate};
+end A;
+"""
+
+
+@pytest.mark.parametrize(
+    ("x0", "v", "rate"),
+    [("p", 1, "floor(x)"), ("p", -1, "floor(x)"), ("p", 1, "mod(x, 1)"), ("0", 1, "if time > p then 1 else 0")],
+)
+def test_a_start_on_the_edge_of_a_condition_is_refused(x0, v, rate):
+    with pytest.raises(ModelError, match="edge"):
+        lmoc.compile_text(EDGE_OF_A_CONDITION.format(x0=x0, v=v, rate=rate)).simulate(stop=0.5, sensitivities="p")
+
+
+def test_a_start_at_a_kink_that_is_left_has_a_derivative():
+    dae = lmoc.compile_text(EDGE_OF_A_CONDITION.format(x0="p", v=-1, rate="if x > 0 then 2*x else x"))
+    run = dae.simulate(stop=0.5, points=5, rtol=1e-9, sensitivities="p")
+    assert run.sensitivity("y", "p") == pytest.approx(run.time, abs=1e-7)
+
+
+def test_an_output_at_an_instant_that_moves_has_two_derivatives():
+    """x = k t comes to 1 at t = 1/2: y has two there, z has one though it bends, and before and behind each has one."""
+    model = "model A parameter Real k = 2; Real x(start = 0, fixed = true), y(start = 0, fixed = true), z(start = 0, "
+    model += "fixed = true); equation der(x) = k; der(y) = if x > 1 then 2 else 1; der(z) = if x > 1 then 2*x - 1 else "
+    model += "x; end A;"
+    dae = lmoc.compile_text(model)
+    run = dae.simulate(times=[0, 0.25, 0.5, 1], rtol=1e-9, sensitivities="k")
+    assert run.sensitivity("z", "k") == pytest.approx([0, 1 / 32, 1 / 8, 7 / 8], abs=1e-7)
+    with pytest.raises(ModelError, match="output time t = 0.5 s"):
+        run.sensitivity("y", "k")
+    with pytest.raises(ModelError, match="output time t = 0.5 s"):
+        dae.simulate(times=[0, 0.25, 0.5], rtol=1e-9, sensitivities="k").sensitivity("y", "k")
+    beside = dae.simulate(times=[0, 0.499, 0.501, 1], rtol=1e-9, sensitivities="k")
+    assert beside.sensitivity("y", "k") == pytest.approx([0, 0, 1 / 4, 1 / 4], abs=1e-7)

@@ -195,3 +195,13 @@ def test_changes_of_coordinates():
     # with x = L sin(a), a'' = -g/L sin(a): of another g there is the same swing in another time
     exact = run["vx"] * run.time / (2 * 9.81)
     assert np.abs(run.sensitivity("x", "g") - exact).max() < 1e-6
+
+
+def test_a_motion_that_stays_on_a_kink_is_refused():
+    """x = 0 for all time, but δ e^t beside it on the one side, and δ e^-t on the other."""
+    model = "model A Real x(start = {}, fixed = true), y(start = 0, fixed = true); equation der(x) = {}abs(x); "
+    model += "der(y) = abs(x - time); end A;"
+    with pytest.raises(ModelError, match="kink"):
+        lmoc.compile_text(model.format(0, "")).simulate(stop=1, points=5, sensitivities="x")
+    run = lmoc.compile_text(model.format(0.5, "0*")).simulate(stop=2, points=5, rtol=1e-9, sensitivities="x")
+    assert run.sensitivity("y", "x") == pytest.approx(np.minimum(run.time, 1.0 - run.time), abs=1e-7)

@@ -57,8 +57,9 @@ NUMERICS: dict[str, Entry] = {
         "sensitivities are not available",
         "Derivatives of a motion by parameters and start values are integrated along it, from one choice of\n"
         "coordinates to the next, and over events: impacts, laws that change their mode, `when`. There are none where\n"
-        "it grazes a stop, where a mode is on its edge, or where impacts accumulate: values a little other lead to\n"
-        "other events.",
+        "it grazes a stop, where a mode or a condition is on its edge (`floor(x)` that starts at 0), or where impacts\n"
+        "accumulate: values a little other lead to other events. At an output time at which something happens that\n"
+        "comes earlier or later with the value, what happens has one derivative before and another one behind.",
     ),
     "E0529": Entry(
         "bars that cannot be put together",

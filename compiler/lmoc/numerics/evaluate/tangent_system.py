@@ -35,6 +35,7 @@ class Tangents:
     inputs : (n·(1 + m),) registers of the states, then of the tangents, one direction after the other
     outputs : places of their rates, (n·(1 + m),), or of what else is wanted, (k·(1 + m),)
     held, directions : (k,), (k, m) registers of the parameters that move, and of how
+    along : (m,) registers of z
     accelerator : of the tape
     """
 
@@ -43,6 +44,7 @@ class Tangents:
     outputs: np.ndarray
     held: np.ndarray
     directions: np.ndarray
+    along: np.ndarray
     accelerator: TapeAccelerator
 
 
@@ -87,7 +89,7 @@ def _made(plan: Plan, registers: np.ndarray, moves: np.ndarray, steps: Program, 
     rates = np.full((len(wanted), m), z[0])  # zero, where nothing moves
     rates[rule.rows, rule.columns] = tape.results
     outputs = np.concatenate([wanted, rates.T.ravel()])
-    return Tangents(program, inputs, outputs, held, directions, TapeAccelerator(tape))
+    return Tangents(program, inputs, outputs, held, directions, z, TapeAccelerator(tape))
 
 
 def _moved(out: np.ndarray, held: np.ndarray, by: np.ndarray, moves: np.ndarray, z: np.ndarray) -> list[Apply]:
@@ -128,7 +130,7 @@ class TangentSystem(EngineSystem):
         own = tangents_of(plan, registers, directions != 0, wanted)
         outputs = own.outputs if wanted is None else own.inputs
         super().__init__(plan, own.program, own.inputs, outputs, own.accelerator)
-        self._places = own.outputs
+        self._places, self._along = own.outputs, own.along
         self._own_registers, self._moving, self.directions = own, registers, directions
         self._copies = 1 + directions.shape[1]
         self._states: EngineSystem | None = None
@@ -139,6 +141,14 @@ class TangentSystem(EngineSystem):
         self.w[own.held], self.w[own.directions] = base[self._moving], self.directions
         super().prepare(base, signals)
         self._states = None
+
+    def aside(self, t: float, x: np.ndarray, along: np.ndarray) -> np.ndarray:
+        """Return the rates (n·(1 + m),) at a place moved along the tangents by these shares (m,) of them."""
+        found = np.empty(self.n)
+        self.w[self._along] = along
+        self.rhs(t, x, found)
+        self.w[self._along] = 0.0
+        return found
 
     def values(self, t: float, x: np.ndarray, near: EngineSystem) -> np.ndarray:
         """Return what is wanted, and its tangents, (1 + m, k); NaN where there is none.

@@ -360,11 +360,12 @@ class HybridDynamics:
             x = self._input_steps(self.span[0], x)
             self._collect()
         self.stepping.pass_by(self.span[0])
-        if self.laws is None or self.report.errors:
-            return x
-        self._renew_laws()
+        if self.laws is not None and not self.report.errors:
+            self._renew_laws()
         if kept is not None:
             kept.append((self.memory(), x))
+        if self.laws is None or self.report.errors:
+            return x
         x, events = self.laws.start(self.span[0], x)
         self.records += events
         self._collect()

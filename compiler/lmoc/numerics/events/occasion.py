@@ -30,7 +30,7 @@ class Behind:
         return self.mode == other.mode and self.told == other.told
 
 
-START = -1  # in place of the index of a segment: the laws take their modes before the first one
+START = -1  # in place of the index of a segment: before the first one, the laws take their modes
 
 
 @dataclass(frozen=True, eq=False)

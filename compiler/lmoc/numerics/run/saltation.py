@@ -23,6 +23,7 @@ from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.run.sensitivities import (
     Direction,
+    OtherSide,
     Part,
     Sensitivities,
     Sweep,
@@ -75,6 +76,7 @@ def with_events(
     since = segments[0].begin
     each = trajectory.stats.get("steps", 0) / max(trajectory.last[0] - since, 1e-300)
     saltation: Saltation | None = None
+    left = segments[0], first, np.ones(len(first.x))  # where the latest instant has been, before it
     known: dict[tuple[str, ...], np.ndarray] = {}  # sizes of the states, by the coordinates
     for k, segment in enumerate(segments):
         named = tuple(segment.coordinates)
@@ -83,22 +85,29 @@ def with_events(
         sizes = known[named]
         sweep = Sweep(segment.observer, directions, at.base, sizes, rtol, explicit, made)
         following, occasion = segments[k + 1] if k + 1 < len(segments) else None, by_segment.get(k)
-        moving, came = at, saltation
+        moved, came, others = at, saltation, ()
         if came is not None:
             at = replace(at, by=at.by - np.outer(came.delays, sweep.rates(at.time, at.x)))
+            others = _on_both_sides(parts, segment, left, (at, sizes), came, rtol)
             if _follows_at_once(occasion, at.time, segments[0].begin):
-                parts.append(Part(segment, np.repeat(at.by[:, None], len(segment.time), axis=1), at.base, sizes))
+                by = np.repeat(at.by[:, None], len(segment.time), axis=1)
+                parts.append(Part(segment, by, at.base, sizes, others))
+                left = segment, at, sizes
                 around = Surroundings(occasion, directions, sizes, came.since)
-                saltation = Saltation(around, sweep, replace(moving, x=occasion.outcome.x), came.delays)
+                saltation = Saltation(around, sweep, replace(moved, x=occasion.outcome.x), came.delays)
                 at = saltation.behind
                 continue
         end = following.begin if following is not None else max(at.time, trajectory.last[0])
         grid = np.linspace(at.time, end, _places(each * (end - at.time)))[1:] if occasion is not None else [end]
         times, own = np.unique(np.concatenate([segment.time, grid]), return_inverse=True)
-        states, tangents = sweep.go(at, times)
+        states, tangents, bent = sweep.go(at, times)
         own = own[: len(segment.time)]
         agree(sweep.plan, states[own], segment.table, sizes, 10 * sweep.rtol)
-        parts.append(Part(segment, tangents[:, own], at.base, sizes))
+        for moving, place in bent:
+            near = np.flatnonzero(np.abs(segment.time - place.time) <= _ROUNDING * abs(place.time))
+            others += tuple(OtherSide(k, segment, place, sizes, moving, "") for k in near.tolist())
+        sweep.check_slopes(times, states, tangents)
+        parts.append(Part(segment, tangents[:, own], at.base, sizes, others))
         place, saltation = Tangent(end, states[-1], tangents[:, -1], at.base), None
         if occasion is not None:
             around = Surroundings(occasion, directions, sizes, since)
@@ -107,11 +116,35 @@ def with_events(
             if following is not None and occasion.behind is not None:
                 place = replace(place, x=occasion.outcome.x)
                 saltation = Saltation(around, sweep, place)
-                place = saltation.behind
+                left, place = (segment, place, sizes), saltation.behind
+            elif following is None:
+                around.check_end(place, sweep, rtol)
         elif following is not None:
             place = _in_other_coordinates(segment, following, place, sweep, bases)
         at = place
-    return Sensitivities(directions, parts)
+    return Sensitivities(directions, parts, rtol)
+
+
+def _on_both_sides(
+    parts: list[Part], segment: SegmentRecord, left: tuple[SegmentRecord, Tangent, np.ndarray],
+    right: tuple[Tangent, np.ndarray], came: Saltation, rtol: float,
+) -> tuple[OtherSide, ...]:  # fmt: skip
+    """Return what is before an instant, for outputs behind it; outputs before it are given what is behind.
+
+    Parameters
+    ----------
+    segment : behind the instant
+    left, right : the places on both sides of it with the sizes of the states, and the segment before
+    """
+    if not came.moving.any():
+        return ()
+    before = [
+        OtherSide(k, segment, *right, came.moving, came.said) for k in came.near(parts[-1].segment.time, rtol).tolist()
+    ]
+    if before:
+        parts[-1] = replace(parts[-1], others=(*parts[-1].others, *before))
+    behind = came.near(segment.time, rtol).tolist()
+    return tuple(OtherSide(k, *left, came.moving, came.said) for k in behind)
 
 
 def _follows_at_once(occasion: Occasion | None, time: float, start: float) -> bool:
@@ -206,12 +239,26 @@ class Saltation:
         return x + later[:, None] * self._f + later[:, None] ** 2 / 2 * self._bend
 
     @property
-    def _said(self) -> str:
+    def said(self) -> str:
         """What happens, in words."""
         return ", ".join(dict.fromkeys(f"{name} {kind}" for name, kind in self._reached.told))
 
+    def near(self, times: np.ndarray, rtol: float) -> np.ndarray:
+        """Return which times, s, are at the instant, within what is known of it; rtol : of the run."""
+        return np.flatnonzero(np.abs(times - self._at.time) <= max(rtol, _ROUNDING) * self._span)
+
+    @property
+    def moving(self) -> np.ndarray:
+        """(m,) which quantities move the instant."""
+        sizes = np.array([d.size for d in self._around.directions])
+        return np.abs(self.delays) * sizes > _ROUNDING * self._span
+
+    @property
+    def _span(self) -> float:
+        return max(abs(self._at.time), self._around.room)
+
     def _error(self, which: int) -> ModelError:
-        return self._around.grazes(which, self._at.time, self._said)
+        return self._around.grazes(which, self._at.time, self.said)
 
     # ------------------------------------------------------------------ differences
 
@@ -325,7 +372,7 @@ class Saltation:
     def _coincides(self, which: int) -> ModelError:
         name, time = self._around.directions[which].name, self._at.time
         return refused(
-            f"what happens at t = {time:.6g} s ({self._said}) happens at one instant only for this value of '{name}'"
+            f"what happens at t = {time:.6g} s ({self.said}) happens at one instant only for this value of '{name}'"
         )
 
     def _missing(self, values: Heights, x: np.ndarray, later: float) -> np.ndarray:

@@ -38,6 +38,11 @@ _AHEAD = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))
 _SHARE = 0.1  # of the run's tolerance
 _ABSOLUTE = 1e-2  # of the relative tolerance times the size
 _ROUNDING = 1e-13  # of the largest number in a motion: what is smaller is none
+_ASIDE = 1e-9  # of the time, by which an instant may be beside another and is still the same
+_DIFFERENT = 1e-6  # share of the largest derivative by which those on both sides of an instant are others
+_GOLDEN = (5**0.5 - 1) / 2  # ratio of the shares by which quantities are changed at once
+_PLACES = 0.382, 0.7, 1.0  # of a segment, at which slopes are looked at until they are good …
+_CHANGES, _BENT = (1e-5, 1e-7), 1e-2  # … by such shares of the tangents; share of a slope by which it may bend
 _APART = 1e4  # tolerances by which the states may differ from those of the run
 EXPLICIT = frozenset({"dop853", "taylor", "none"})
 Values = Callable[[np.ndarray], np.ndarray]
@@ -122,6 +127,16 @@ def refused(reason: str, hint: str = "") -> ModelError:
     """Return the error that says why there are no sensitivities."""
     hint = hint or "differences of two runs are an approximation: simulate with the value a little larger and smaller"
     return ModelError([Diagnostic("E0575", f"sensitivities are not available: {reason}", hint=hint)])
+
+
+def at_output(name: str, time: float, what: str) -> ModelError:
+    """Return the error that says that an output is where something happens that moves."""
+    told = f" ({what})" if what else ""
+    return refused(
+        f"at the output time t = {time:.6g} s something happens{told} that comes earlier or later with '{name}': "
+        "the derivatives before and behind it differ",
+        "ask for another output time, or another end",
+    )
 
 
 def slope(function: Callable[[np.ndarray], np.ndarray], direction: Direction) -> np.ndarray:
@@ -213,6 +228,26 @@ def starts_smoothly(trajectory: Trajectory, x: np.ndarray) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
+class OtherSide:
+    """What is on the other side of an instant at which an output is, where something happens then.
+
+    Attributes
+    ----------
+    output : its index in the segment
+    segment, at, sizes : the segment there, the place, and the sizes of its states
+    moving : (m,) which quantities move the instant
+    said : what happens, in words
+    """
+
+    output: int
+    segment: SegmentRecord
+    at: Tangent
+    sizes: np.ndarray
+    moving: np.ndarray
+    said: str
+
+
+@dataclass(frozen=True, eq=False)
 class Part:
     """A segment of the motion with its derivatives.
 
@@ -221,12 +256,14 @@ class Part:
     tangents : (m, times, n) derivatives of the states at the output times of the segment
     base : as in `Tangent`
     sizes : (n,) of its states
+    others : of outputs at instants that move
     """
 
     segment: SegmentRecord
     tangents: np.ndarray
     base: np.ndarray
     sizes: np.ndarray
+    others: tuple[OtherSide, ...] = ()
 
 
 class Sensitivities:
@@ -236,10 +273,11 @@ class Sensitivities:
     ----------
     directions : {name: by which it is differentiated}
     parts : of its segments
+    rtol : relative tolerance
     """
 
-    def __init__(self, directions: Sequence[Direction], parts: Sequence[Part]) -> None:
-        self.directions, self.parts = {d.name: d for d in directions}, tuple(parts)
+    def __init__(self, directions: Sequence[Direction], parts: Sequence[Part], rtol: float) -> None:
+        self.directions, self.parts, self.rtol = {d.name: d for d in directions}, tuple(parts), rtol
 
     def __call__(self, name: str, by: str) -> np.ndarray:
         """Return the derivative (T,) of a variable by a quantity.
@@ -248,24 +286,64 @@ class Sensitivities:
         ------
         KeyError
             There is no such variable, or it was not asked for derivatives by this quantity.
+        ModelError
+            E0575: an output is at an instant that moves with it, and the derivatives before and behind differ.
         """
         if by not in self.directions:
             raise KeyError(f"sensitivities were asked for by {', '.join(self.directions)}, not by '{by}'")
         which, variables = list(self.directions).index(by), find(self.parts[0].segment.observer.flat, name)
-        found = np.concatenate([self._of(part, self.directions[by], which, variables) for part in self.parts])
+        direction = self.directions[by]
+        every = [self._of(part, direction, which, variables) for part in self.parts]
+        found = np.concatenate(every)
+        for part, own in zip(self.parts, every, strict=True):
+            for other in part.others:
+                if other.moving[which]:
+                    self._check(part, other, variables, own, np.max(np.abs(found), axis=0), which)
         return found[:, 0] if len(variables) == 1 else found
 
     def _of(self, part: Part, direction: Direction, which: int, variables: np.ndarray) -> np.ndarray:
         """Return the derivatives (times, variables) in one segment."""
-        segment, tangent, base = part.segment, part.tangents[which], part.base[which]
-        moved = np.max((np.abs(tangent) / part.sizes)[:, ~segment.observer.plan.ledger], initial=0.0)
-        step = STEP * min(direction.size, 1.0 / moved if moved > 0 else np.inf)
+        segment = part.segment
+        if not len(segment.time):
+            return np.zeros((0, len(variables)))
+        own = part.tangents[which], part.base[which], part.sizes
+        return _slopes_of(segment, segment.time, segment.table, own, direction, variables)
 
-        def values(change: float) -> np.ndarray:
-            own = shifted(segment.observer, direction, change, base)
-            return own(variables, segment.time, segment.table + change * tangent)
+    def _check(
+        self, part: Part, other: OtherSide, variables: np.ndarray, own: np.ndarray, largest: np.ndarray, which: int
+    ) -> None:
+        """Refuse an output at which variables or their derivatives are others on the other side."""
+        direction, at, k = list(self.directions.values())[which], other.at, other.output
+        time, x = np.array([at.time]), at.x[None]
+        given = at.by[which][None], at.base[which], other.sizes
+        found = _slopes_of(other.segment, time, x, given, direction, variables)[0]
+        segment = part.segment
+        before = segment.observer(variables, segment.time[k : k + 1], segment.table[k : k + 1])[0]
+        behind = other.segment.observer(variables, time, x)[0]
+        share = max(_DIFFERENT, 1e3 * self.rtol)
+        jumps = np.abs(found - own[k]) > share * np.maximum(largest, np.abs(found))
+        if (jumps | (np.abs(behind - before) > share * np.maximum(np.abs(behind), np.abs(before)))).any():
+            raise at_output(direction.name, float(segment.time[k]), other.said)
 
-        return difference(values, step) if len(segment.time) else np.zeros((0, len(variables)))
+
+def _slopes_of(
+    segment: SegmentRecord, times: np.ndarray, states: np.ndarray, tangents: tuple[np.ndarray, np.ndarray, np.ndarray],
+    direction: Direction, variables: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Return the derivatives (times, variables) at places of a segment.
+
+    Parameters
+    ----------
+    tangents : (times, n), (registers,), (n,) derivatives of the states and of the base, and the sizes of the states
+    """
+    by, base, sizes = tangents
+    moved = np.max((np.abs(by) / sizes)[:, ~segment.observer.plan.ledger], initial=0.0)
+    step = STEP * min(direction.size, 1.0 / moved if moved > 0 else np.inf)
+
+    def values(change: float) -> np.ndarray:
+        return shifted(segment.observer, direction, change, base)(variables, times, states + change * by)
+
+    return difference(values, step)
 
 
 def sizes_of(segments: Sequence[SegmentRecord]) -> np.ndarray:
@@ -342,6 +420,35 @@ class Sweep:
         found = system.values(at.time, x, self.system)
         return found[0], found[1:] / self.scale[:, None]
 
+    def check_slopes(self, times: np.ndarray, states: np.ndarray, tangents: np.ndarray) -> None:
+        """Refuse a motion that stays where its equations have a kink, as ``x' = |x|`` at x = 0.
+
+        Parameters
+        ----------
+        times, states, tangents : (k,), (k, n), (m, k, n) along the segment
+
+        Raises
+        ------
+        ModelError
+            E0575: rates bend at all of some places, however little the states are moved along the tangents.
+        """
+        if not self.n or not len(times):
+            return
+        shares, least = (-_GOLDEN) ** np.arange(self.m), 1.0 / max(float(times[-1] - times[0]), 1e-300)
+        for place in sorted({int(share * (len(times) - 1)) for share in _PLACES}):
+            t, by = float(times[place]), tangents[:, place] * self.scale[:, None]
+            x = np.concatenate([states[place], by.ravel()])
+            own = self.system.aside(t, x, np.zeros(self.m)).reshape(1 + self.m, self.n)
+            slope, size = shares @ own[1:], np.abs(own[0])
+            if least < np.inf:
+                size = np.maximum(size, self.sizes * least)
+            for change in _CHANGES:
+                high, low = (self.system.aside(t, x, sign * change * shares)[: self.n] for sign in (1.0, -1.0))
+                bent = np.abs(high + low - 2 * own[0]) / change  # where there is no kink it shrinks with the change
+                if not (bent > _BENT * np.maximum(np.abs(slope), size))[~self.plan.ledger].any():
+                    return
+        raise refused("the motion stays where its equations have a kink")
+
     def _kinks(self, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
         """Return where the equations have kinks in time (k,), and the derivatives (m, k) of these instants.
 
@@ -364,7 +471,7 @@ class Sweep:
                 raise refused(f"only with this value of '{direction.name}' the equations jump at some instant")
             low, high = (side[np.abs(side[:, None] - own).argmin(axis=0)] for side in sides)
             moves[k] = (high - low) / (2 * step)
-        margin = 1e-9 * max(abs(begin), abs(end))
+        margin = _ASIDE * max(abs(begin), abs(end))
         moves[np.abs(moves) * self.scale[:, None] <= margin] = 0.0
         beside = (np.abs(own - begin) <= margin) | (np.abs(own - end) <= margin)
         if (moves[:, beside] != 0).any():
@@ -372,8 +479,10 @@ class Sweep:
             raise refused(f"'{name}' moves an instant at which the equations jump where something else happens")
         return own, moves
 
-    def go(self, at: Tangent, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def go(self, at: Tangent, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, Tangent]]]:
         """Return the states (times, n) and tangents (m, times, n) at times behind a place.
+
+        Also which quantities (m,) move kinks in time, and the places behind these.
 
         Raises
         ------
@@ -382,8 +491,8 @@ class Sweep:
         """
         y = np.concatenate([at.x, (at.by * self.scale[:, None]).ravel()])
         found, atol = np.tile(y, (len(times), 1)), _ABSOLUTE * self.rtol * np.tile(self.sizes, 1 + self.m)
-        end = float(times[-1]) if len(times) else at.time
-        if end > at.time:
+        end, bent = float(times[-1]) if len(times) else at.time, []
+        if end - at.time > choice.near(end):
             own, moves = self._kinks(at.time, end)
             moving = moves.any(axis=0) & (own > at.time) & (own < end)
             fixed = distinct(np.concatenate([own, break_times(self.observer.signals, at.time, end, kinks.MOST)]))
@@ -394,9 +503,12 @@ class Sweep:
                 part = self._forward(begin, y, asked, atol, fixed[(fixed >= begin) & (fixed <= instant)])
                 found[inside], y, begin = part[:-1], part[-1].copy(), instant
                 if by is not None:
-                    y[self.n :] += np.outer(by * self.scale, self._jump(instant, y[: self.n])).ravel()
+                    jump = self._jump(instant, y[: self.n])
+                    y[self.n :] += np.outer(by * self.scale, jump).ravel()
+                    behind = y[self.n :].reshape(self.m, self.n) / self.scale[:, None]
+                    bent.append((by != 0, Tangent(instant, y[: self.n].copy(), behind, at.base)))
         tangents = found[:, self.n :].reshape(len(times), self.m, self.n)
-        return found[:, : self.n], np.moveaxis(tangents, 1, 0) / self.scale[:, None, None]
+        return found[:, : self.n], np.moveaxis(tangents, 1, 0) / self.scale[:, None, None], bent
 
     def _jump(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return by what the rates before an instant are larger than those behind it."""

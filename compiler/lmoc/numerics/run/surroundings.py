@@ -12,12 +12,14 @@ import numpy as np
 
 from lmoc.messages.diagnostics import ModelError
 from lmoc.numerics.events.occasion import Occasion
-from lmoc.numerics.run.sensitivities import Direction, Sweep, refused
+from lmoc.numerics.problem.status import Status
+from lmoc.numerics.run.sensitivities import Direction, Sweep, Tangent, at_output, refused
 
 OVER_EVENTS = 1e-5  # of a quantity's size, of differences over an event: their error is some 1e-10
 LITTLE = 1e-6  # of a quantity's size: within the way of a function by that the motion grazes
 _LOW = 1e-3  # of its largest value, below which a function is looked at closely
 _AT_ENDS = 1e-4  # of a segment, where what has just happened does not count
+_AT_END = 1e-9  # share of the time within which it is not known whether something happens at the end
 _CLOSER = np.linspace(-1.0, 1.0, 9)  # of the distance of places around one, where it is looked at closely
 
 
@@ -128,6 +130,29 @@ class Surroundings:
             if heights[own] < LITTLE * direction.size * abs(moved[1] - moved[0]) / (2 * step):
                 raise self.grazes(k, t, "")
 
+    def check_end(self, at: Tangent, sweep: Sweep, rtol: float) -> None:
+        """Refuse an end of the run at which a function of an event vanishes, as it would a little earlier or later.
+
+        Parameters
+        ----------
+        at : where the run ends
+        rtol : relative tolerance of the run, within which that is known
+        """
+        if self.occasion.outcome.status is Status.ROOT:  # the model has ended the run there
+            return
+        self.recall()
+        t, x, f = at.time, at.x, sweep.rates(at.time, at.x)
+        short = _AT_ENDS * self.room or _AT_ENDS * max(abs(t), 1.0)
+        before, now = np.abs(self.dynamics.heights()(np.array([t - short, t]), np.stack([x - short * f, x])))
+        near = now <= max(rtol, _AT_END) * max(abs(t), self.room) * np.abs(before - now) / short
+        for k, direction in enumerate(self.directions if near.any() else ()):
+            step, sides = OVER_EVENTS * direction.size, []
+            for sign in (-1, 1):
+                self.recall(self.change(k, sign * step), at.base)
+                sides.append(self.dynamics.heights()(np.array([t]), (x + sign * step * at.by[k])[None])[0])
+            if (np.abs(sides[1] - sides[0])[near] > _AT_END * np.abs(before - now)[near]).any():
+                raise at_output(direction.name, t, "")
+
     def grazes(self, which: int, time: float, what: str) -> ModelError:
         """Return the error that says that there is no derivative."""
         told = f" ({what})" if what else ""
@@ -136,3 +161,4 @@ class Surroundings:
             "or a mode is on its edge",
             "a value a little larger or smaller leads to another sequence of events",
         )
+
