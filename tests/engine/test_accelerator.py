@@ -17,7 +17,7 @@ from lmoc.expression.functions import BINARY, FUNCTIONS, UNARY
 from lmoc.ir.program import Apply, Total
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.chain_rule import ChainRule
-from lmoc.lower.series import RECURRENCES
+from lmoc.lower.series_code import RECURRENCES
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.plan.plan import Plan, build_plan

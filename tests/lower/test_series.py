@@ -10,7 +10,8 @@ from oracles.models import compiled
 
 import lmoc
 from lmoc.engine.library import library
-from lmoc.lower.series import LENGTH, RECURRENCES
+from lmoc.lower.series import LENGTH
+from lmoc.lower.series_code import RECURRENCES
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.taylor_system import TaylorSystem
 from lmoc.numerics.plan.plan import build_plan

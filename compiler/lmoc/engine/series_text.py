@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lmoc.engine.accelerator import Accelerator, compiled, headers
-from lmoc.lower.series import PRODUCTS, RECURRENCES
+from lmoc.lower.series_code import PRODUCTS, RECURRENCES
 
 _LONGEST = 2_000  # instructions of a text: each of them may be a loop
 _INSTRUCTION, _PRODUCT = 60.0, 250.0  # operations of about a nanosecond of all orders together
@@ -19,6 +19,7 @@ _TEXT = {
     "sub": "{out} = {a} - {b};",
     "scale": "{out} = {number} * {a};",
     "scale_more": "{out} += {number} * {a};",
+    "late": "{out} += {A}[0] * {b};",
     "ratio": "{out} = {a} / {number};",
     "convolve": "convolve(k, {A}, {B}, {OUT});",
     "square": "square(k, {A}, {OUT});",

@@ -1,20 +1,7 @@
-"""The Taylor series of a program as instructions for one order (``engine/c/series.c``).
+"""The Taylor series of a program as instructions for one order (``engine/c/series.c``, ``series_code.py``).
 
 What is computed on the way has a series of its own, each value once. The coefficients of order zero come from a tape,
-which also factorizes the matrices of blocks. An instruction is four int32: the number of its operation, the series
-that it fills, and two operands, which are series or, where so named, places of numbers:
-
-============================ ============================================================
-copy, neg out a              the same of a
-add, sub, convolve out a b   sum, difference, product
-scale, ratio out a number    product and quotient with a number
-square out a
-quotient out a b             a is -1 where it is a number
-power out a number           with a constant exponent
-chain out x g                of a function with the slope g; ``…_more`` adds to what stands there
-total out n, then n pairs    of a series and the place of a coefficient
-open k, solve k              the unknowns of a block: as if they were zero, then as they are
-============================ ============================================================
+which also factorizes the matrices of blocks.
 """
 
 from __future__ import annotations
@@ -28,18 +15,12 @@ from lmoc.lower.chain_rule import ChainRule
 from lmoc.lower.derivatives import Ahead, Derivatives, write_derivatives
 from lmoc.lower.matrices import block_matrix
 from lmoc.lower.recurrences import Nodes, NoSeries, constant_registers, prepared
+from lmoc.lower.series_code import NUMBER, PRODUCTS, RECURRENCES, dependent, needed
 from lmoc.lower.steps import single_node
 from lmoc.lower.tape import SolveBlock, Tape
 from lmoc.lower.writer import Writer
 from lmoc.support.records import dataclass
 
-RECURRENCES = tuple(
-    "end copy neg add sub scale ratio convolve square quotient power chain chain_more scale_more total open "
-    "solve".split()
-)
-_NUMBER = {name: k for k, name in enumerate(RECURRENCES)}
-PRODUCTS = {"convolve", "square", "quotient", "power", "chain", "chain_more"}
-_OF_TWO = {"add", "sub", "convolve", "quotient", "chain", "chain_more"}  # series; others have one, and a number
 LENGTH = 32  # coefficients that a series has room for (``LMOC_LENGTH``)
 
 
@@ -81,9 +62,9 @@ def series_of(program: Program, registers: int, size: int, states: np.ndarray, w
     """
     writer = _SeriesWriter(size, constant_registers(program, registers, states))
     writer.program(program)
-    for register in (*states.tolist(), *wanted.tolist()):
+    for register in states.tolist():
         writer.of(register)
-    return writer.finish(registers)
+    return writer.finish(registers, [writer.of(register) for register in wanted.tolist()])
 
 
 class _SeriesWriter:
@@ -94,16 +75,18 @@ class _SeriesWriter:
         self.series: dict[int, int] = {}  # by the place of order zero
         self.filled: set[int] = set()  # places whose series has its instruction
         self.numbers: set[int] = set()  # places of numbers that instructions read
+        self.blocks: dict[int, tuple[set[int], set[int]]] = {}  # series of their unknowns and residuals
 
-    def finish(self, registers: int) -> Series:
+    def finish(self, registers: int, wanted: list[int]) -> Series:
         of_register = np.full(registers, -1, np.int32)
         for place, own in self.series.items():
             if place < registers:
                 of_register[place] = own
         tape = self.tape.finish(np.array([*self.source, *self.numbers], np.int64))
-        flat = [x for c in self.code for x in c] + [0] * 4
+        code = needed(self.code, wanted, self.blocks)
+        flat = [x for c in code for x in c] + [0] * 4
         clock = self.series.get(self.tape.time, -1)
-        share = sum(RECURRENCES[c[0]] in PRODUCTS for c in self.code) / max(1, len(self.code))
+        share = sum(RECURRENCES[c[0]] in PRODUCTS for c in code) / max(1, len(code))
         return Series(tape, np.array(flat, np.int32), np.array(self.source, np.int32), clock, of_register, share)
 
     def of(self, place: int) -> int:
@@ -114,7 +97,7 @@ class _SeriesWriter:
         return self.series[place]
 
     def write(self, op: str, out: int, a: int = 0, b: int = 0) -> None:
-        self.code.append((_NUMBER[op], out, a, b))
+        self.code.append((NUMBER[op], out, a, b))
 
     # ------------------------------------------------------------------ steps
 
@@ -133,7 +116,7 @@ class _SeriesWriter:
             terms = [j for j in range(edges[k], edges[k + 1]) if not self.constant[index[j]]]
             pairs = [x for j in terms for x in (self.of(index[j]), self._number(coefficient[j]))]
             if terms:
-                self.code.append((_NUMBER["total"], self.of(out), len(terms), 0, *pairs))
+                self.code.append((NUMBER["total"], self.of(out), len(terms), 0, *pairs))
 
     def _number(self, value: float) -> int:
         place = self.tape.constant(value)
@@ -202,11 +185,11 @@ class _SeriesWriter:
         self.write("open", 0, block)
         first = len(self.code)
         self.program(step.inner)
-        for register in step.residuals.ravel().tolist():
-            self.of(register)
+        residuals = {self.of(register) for register in step.residuals.ravel().tolist()}
         inner = self.code[first:]
         self.write("solve", 0, block)
-        self.code += _dependent(inner, unknowns)
+        self.code += dependent(inner, unknowns)
+        self.blocks[block] = unknowns, residuals
 
     def _factorized(self, step: Solve) -> int:
         """Have the matrix factorized at order zero; the number of the block."""
@@ -225,15 +208,3 @@ class _SeriesWriter:
         writer.on_block("factor", number)
         return number
 
-
-def _dependent(code: list[tuple[int, ...]], unknowns: set[int]) -> list[tuple[int, ...]]:
-    """Return the instructions whose series depend on some unknowns; all of them where there are blocks within."""
-    if any(RECURRENCES[own[0]] in ("open", "solve") for own in code):
-        return code
-    moved = set(unknowns)
-    for op, out, a, b, *terms in code:
-        name = RECURRENCES[op]
-        read = terms[::2] if name == "total" else [a, b] if name in _OF_TWO else [a]
-        if not moved.isdisjoint(read):
-            moved.add(out)
-    return [own for own in code if own[1] in moved]

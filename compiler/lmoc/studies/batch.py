@@ -112,7 +112,8 @@ def run(job: Job, workers: Any = None, store: Store | None = None, progress: Pro
         size = int(min(max(_SECONDS / (clock.perf_counter() - began), 1), _LARGEST))
         if any(part for part, _ in done_in_c):  # what is started together costs little more than one
             size = max(1, min(_LARGEST, _NUMBERS // (len(job.times) * max(1, len(job.session.reduced.states)))))
-        size = max(1, min(size, -(-count // (4 * (threads or 1)))))
+        if threads != 1:  # several chunks for each, so that they come to their end together
+            size = max(1, min(size, -(-count // (4 * (threads or 1)))))
     starts = [0, *range(1, count, size)] if store is None else list(range(0, count, size))
     ends = [*starts[1:], count]
     if store is not None:

@@ -41,42 +41,114 @@ void lmoc_block_solve(const lmoc_block *m, const double *a, const int32_t *pivot
 
 #endif
 
-/* Unknowns from their residuals at zero, from the factors of an instance; no numbers where there are none. */
-static inline void solve(const lmoc_block *m, int64_t instance, const double *a, const int32_t *pivots, double *b,
-                         double *w) {
-  const int32_t *u = m->unknowns + instance*m->size, *r = m->residuals + instance*m->size;
-  if (a) {
-    for (int64_t k = 0; k < m->size; k++) b[k] = -w[LMOC_AT(r[k])];
-    lmoc_block_solve(m, a, pivots, b);
+#if LMOC_OF_LANES
+
+/* Of lanes: the same operations in the same order, each lane with its own pivots; with no determinant. Zeros are skipped
+   where `lmoc_dense_factor` skips them. */
+LMOC_WIDEST static int64_t factorize(lmoc_block *m, double *a, int32_t *pivots) {
+  const int64_t n = m->size;
+  int64_t lost = 0;
+  for (int64_t k = 0; k < n; k++) {
+    LMOC_EACH_LANE {
+      int64_t pivot = k;
+      for (int64_t i = k + 1; i < n; i++)
+        if (fabs(a[LMOC_AT(i*n + k) + l]) > fabs(a[LMOC_AT(pivot*n + k) + l])) pivot = i;
+      pivots[LMOC_AT(k) + l] = (int32_t)pivot;
+      for (int64_t j = 0; pivot != k && j < n; j++) {
+        const double t = a[LMOC_AT(k*n + j) + l];
+        a[LMOC_AT(k*n + j) + l] = a[LMOC_AT(pivot*n + j) + l];
+        a[LMOC_AT(pivot*n + j) + l] = t;
+      }
+      const double own = a[LMOC_AT(k*n + k) + l];
+      if (!(own != 0 && own * 0 == 0)) lost |= (int64_t)1 << l;
+    }
+    const double *own = a + LMOC_AT(k*n);
+    for (int64_t i = k + 1; i < n; i++) {
+      double *row = a + LMOC_AT(i*n), *f = row + LMOC_AT(k);
+      LMOC_ROW(f, 0) /= LMOC_ROW(own, k);
+      if (k == n - 2) LMOC_ROW(row, n - 1) -= LMOC_ROW(f, 0) * LMOC_ROW(own, n - 1);
+      else for (int64_t j = LMOC_AT(k + 1); j < LMOC_AT(n); j += LMOC_LANES)
+        LMOC_EACH_LANE row[j + l] = f[l] != 0 ? row[j + l] - f[l]*own[j + l] : row[j + l];
+    }
   }
-  for (int64_t k = 0; k < m->size; k++) w[LMOC_AT(u[k])] = a ? b[k] : NAN;
+  return lost;
+}
+
+LMOC_WIDEST static void substitute(const lmoc_block *m, const double *a, const int32_t *pivots, double *b) {
+  const int64_t n = m->size;
+  for (int64_t k = 0; k < n; k++)
+    LMOC_EACH_LANE {
+      double *other = b + LMOC_AT(pivots[LMOC_AT(k) + l]) + l, *own = b + LMOC_AT(k) + l;
+      const double t = *other;
+      *other = *own;
+      *own = t;
+    }
+  for (int64_t k = 0; k < n; k++)
+    for (int64_t j = 0; j < k; j++) LMOC_ROW(b, k) -= LMOC_ROW(a, k*n + j) * LMOC_ROW(b, j);
+  for (int64_t k = n - 1; k >= 0; k--) {
+    for (int64_t j = k + 1; j < n; j++) LMOC_ROW(b, k) -= LMOC_ROW(a, k*n + j) * LMOC_ROW(b, j);
+    LMOC_ROW(b, k) /= LMOC_ROW(a, k*n + k);
+  }
+}
+
+#else
+
+static inline int64_t factorize(lmoc_block *m, double *a, int32_t *pivots) {
+  double determinant;
+  return !lmoc_block_factor(m, a, pivots, &determinant);
+}
+
+static inline void substitute(const lmoc_block *m, const double *a, const int32_t *pivots, double *b) {
+  lmoc_block_solve(m, a, pivots, b);
+}
+
+#endif
+
+void LMOC_NAME(lmoc_block_substitute)(const lmoc_block *m, int64_t instance, double *w, double *b) {
+  substitute(m, lmoc_block_factors(m, instance, w), lmoc_block_pivots(m, instance), b);
+}
+
+/* Unknowns from their residuals at zero, from the factors of an instance; no numbers in lanes that have lost theirs. */
+static inline void solve(const lmoc_block *m, int64_t instance, int64_t lost, const double *a, const int32_t *pivots,
+                         double *b, double *w) {
+  const int32_t *u = m->unknowns + instance*m->size, *r = m->residuals + instance*m->size;
+  const int64_t all = ((int64_t)1 << LMOC_LANES) - 1;
+  for (int64_t k = 0; k < m->size; k++) LMOC_ROW(b, k) = -LMOC_ROW(w, r[k]);
+  if (lost != all) substitute(m, a, pivots, b);
+  for (int64_t k = 0; k < m->size; k++) {
+    LMOC_ROW(w, u[k]) = LMOC_ROW(b, k);
+    if (lost) LMOC_EACH_LANE if ((lost >> l) & 1) w[LMOC_AT(u[k]) + l] = NAN;
+  }
 }
 
 static void linear(lmoc_block *m, double *w) {
-  double *a = w + LMOC_AT(m->a), *b = w + LMOC_AT(m->b), determinant;
-  for (int64_t i = 0; i < m->instances; i++)
-    LMOC_EACH_LANE {
-      lmoc_block_fill(m, i, w + l, a);
-      solve(m, i, lmoc_block_factor(m, a, m->pivots, &determinant) ? a : 0, m->pivots, b, w + l);
-    }
+  double *a = w + LMOC_AT(m->a), *b = w + LMOC_AT(m->b);
+  for (int64_t i = 0; i < m->instances; i++) {
+    lmoc_block_fill(m, i, w, a);
+    solve(m, i, factorize(m, a, m->pivots), a, m->pivots, b, w);
+  }
 }
 
 /* The same with a matrix that depends on parameters only: `ready` is 1 when it has been factorized; one that cannot be
    has no numbers for factors. A dense block keeps the factors of all instances. */
 static void constant(lmoc_block *m, double *w) {
-  double *b = w + LMOC_AT(m->b), determinant;
+  double *b = w + LMOC_AT(m->b);
   const int fresh = !m->ready;
   m->ready = 1;
-  for (int64_t i = 0; i < m->instances; i++)
-    LMOC_EACH_LANE {
-      double *a = lmoc_block_factors(m, i, l, w);
-      int32_t *pivots = lmoc_block_pivots(m, i, l);
-      if (fresh) {
-        lmoc_block_fill(m, i, w + l, a);
-        if (!lmoc_block_factor(m, a, pivots, &determinant)) a[0] = NAN;
-      }
-      solve(m, i, a[0] == a[0] ? a : 0, pivots, b, w + l);
+  for (int64_t i = 0; i < m->instances; i++) {
+    double *a = lmoc_block_factors(m, i, w);
+    int32_t *pivots = lmoc_block_pivots(m, i);
+    int64_t lost = 0;
+    if (fresh) {
+      lmoc_block_fill(m, i, w, a);
+      lost = factorize(m, a, pivots);
     }
+    LMOC_EACH_LANE {
+      if ((lost >> l) & 1) a[l] = NAN;
+      if (a[l] != a[l]) lost |= (int64_t)1 << l;
+    }
+    solve(m, i, lost, a, pivots, b, w);
+  }
 }
 
 #if !LMOC_OF_LANES
@@ -100,15 +172,13 @@ static void implicit(lmoc_block *m, double *w) {
 
 /* Factors of all instances, to be used later; FAILED where one is singular, in the bit of its lane. */
 static int factor(lmoc_block *m, double *w) {
-  int status = 0;
-  double determinant;
-  for (int64_t i = 0; i < m->instances; i++)
-    LMOC_EACH_LANE {
-      double *a = lmoc_block_factors(m, i, l, w);
-      lmoc_block_fill(m, i, w + l, a);
-      if (!lmoc_block_factor(m, a, lmoc_block_pivots(m, i, l), &determinant)) status |= LMOC_FAILED << l;
-    }
-  return status;
+  int64_t lost = 0;
+  for (int64_t i = 0; i < m->instances; i++) {
+    double *a = lmoc_block_factors(m, i, w);
+    lmoc_block_fill(m, i, w, a);
+    lost |= factorize(m, a, lmoc_block_pivots(m, i));
+  }
+  return (int)(lost * LMOC_FAILED);
 }
 
 #if LMOC_OF_LANES

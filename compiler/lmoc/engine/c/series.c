@@ -18,14 +18,13 @@ void LMOC_NAME(lmoc_series_open)(const lmoc_series *y, int64_t block, int64_t k)
 
 void LMOC_NAME(lmoc_series_solve)(const lmoc_series *y, int64_t block, int64_t k) {
   const lmoc_block *m = y->start->blocks + block;
-  double *b = y->w + LMOC_AT(m->b), *s = y->s + LMOC_AT(k);
+  double *b = y->w + LMOC_AT(m->b);
+  lmoc_real *s = (lmoc_real *)y->s;
   for (int64_t i = 0; i < m->instances; i++) {
     const int32_t *u = m->unknowns + i*m->size, *r = m->residuals + i*m->size;
-    LMOC_EACH_LANE {
-      for (int64_t j = 0; j < m->size; j++) b[j] = -s[LMOC_AT(y->of_register[r[j]]*(int64_t)LMOC_LENGTH) + l];
-      lmoc_block_solve(m, lmoc_block_factors(m, i, l, y->w), lmoc_block_pivots(m, i, l), b);
-      for (int64_t j = 0; j < m->size; j++) s[LMOC_AT(y->of_register[u[j]]*(int64_t)LMOC_LENGTH) + l] = b[j];
-    }
+    for (int64_t j = 0; j < m->size; j++) LMOC_ROW(b, j) = -S(y->of_register[r[j]])[k];
+    LMOC_NAME(lmoc_block_substitute)(m, i, y->w, b);
+    for (int64_t j = 0; j < m->size; j++) S(y->of_register[u[j]])[k] = LMOC_ROW(b, j);
   }
 }
 
@@ -73,6 +72,7 @@ LMOC_WIDEST void LMOC_NAME(lmoc_series_order)(const lmoc_series *y, int64_t k) {
       case SERIES_chain: out[k] = lmoc_chain(k, S(p[2]), S(p[3])); break;
       case SERIES_chain_more: out[k] += lmoc_chain(k, S(p[2]), S(p[3])); break;
       case SERIES_scale_more: out[k] += W(p[3]) * S(p[2])[k]; break;
+      case SERIES_late: out[k] += S(p[2])[0] * S(p[3])[k]; break;
       case SERIES_total: {
         lmoc_real sum = ZERO;
         const int32_t *q = p + 4;

@@ -260,6 +260,7 @@ class _Wanted:
 
     def _places(self, jets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of what is wanted of some jets, and the positions of those."""
-        at = np.minimum(np.searchsorted(jets, self.jet), len(jets) - 1)
-        own = np.flatnonzero(jets[at] == self.jet)
-        return own, at[own]
+        first, end = (np.searchsorted(self.jet, jets, side) for side in ("left", "right"))
+        at = np.repeat(np.arange(len(jets)), end - first)  # work in proportion to these jets, of which there are groups
+        own = np.arange(len(at)) + np.repeat(first - np.cumsum(end - first) + (end - first), end - first)
+        return own, at
