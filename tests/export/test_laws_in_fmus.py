@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.between_springs import AMONG, ROW
 from oracles.fmu import begin, beside_a_run, instance, simulated
 
 import lmoc
@@ -98,14 +99,6 @@ equation
   connect(floor.flange, s.a); connect(s.b, b.flange);
   annotation(experiment(StopTime = 2));
 end Rest;
-"""
-SPRINGS = """
-model Springs "friction between springs"
-  Fixed wall; Motion hand(q = sin(time)); Spring a(k = 10), b(k = 20); DryFriction f(F = 1);
-equation
-  connect(wall.flange, a.a); connect(a.b, f.b); connect(wall.flange, f.a);
-  connect(a.b, b.a); connect(b.b, hand.flange);
-end Springs;
 """
 
 
@@ -278,9 +271,13 @@ def test_a_string_in_a_linkage_stops_its_rocker(tmp_path) -> None:
     fmu.freeInstance()
 
 
-def test_friction_between_springs_is_refused_by_name(tmp_path) -> None:
-    with pytest.raises(lmoc.ModelError) as caught:
-        lmoc.compile_text(SPRINGS).export(tmp_path / "scene.fmu")
-    (found,) = caught.value.diagnostics
-    assert found.code == "E0669" and "'f' is a friction between springs" in found.message
-    assert not list(tmp_path.iterdir())
+@pytest.mark.parametrize(
+    "text, kind, fmi", [(ROW, "ModelExchange", 3), (AMONG, "ModelExchange", 2), (AMONG, "CoSimulation", 3)]
+)
+def test_friction_between_springs(tmp_path, text: str, kind: str, fmi: int) -> None:
+    """Its forces are states, which give way at once where those of others rise without end."""
+    dae = lmoc.compile_text(text.replace("\nend", "\n  annotation(experiment(StopTime = 2));\nend"))
+    path = dae.export(tmp_path / "scene.fmu", fmi=fmi).path
+    run, own = beside_a_run(dae, path, kind)
+    for name in dae.states:
+        assert np.abs(own[name] - run[name]).max() <= 2e-5 * max(np.abs(run[name]).max(), 1e-3), name

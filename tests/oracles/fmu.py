@@ -92,6 +92,6 @@ def beside_a_run(dae, path: str | Path, kind: str) -> tuple:
     run = dae.simulate(points=31, rtol=1e-9)
     found = simulated(
         path, fmi_type=kind, stop_time=run.time[-1], relative_tolerance=1e-8 if kind == "ModelExchange" else 1e-6,
-        output_interval=run.time[1], output=list(dae.outputs), record_events=False,
+        output_interval=run.time[1], output=list(dae.outputs or dae.states), record_events=False,
     )  # fmt: skip
     return run, found[np.searchsorted(found["time"], run.time - 1e-9)]

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.between_springs import AMONG, IWAN, JENKINS, PEAK, ROW
 from oracles.in_javascript import difference, repeat
 from oracles.models import compiled
 from oracles.node import needs_node
@@ -77,6 +78,14 @@ def test_what_an_event_moves_on_is_not_thrown():
 
 def test_a_small_tolerance_where_rounding_decides_about_the_steps():
     judge(repeated([(compiled(MODELS / "laws" / "bungee_jump.lmo"), {})], rtol=1e-9, points=60))
+
+
+def test_friction_between_springs():
+    """One on a prescribed motion, some side by side and in a row, a force that drops, and beside other laws."""
+    scenes = [(lmoc.compile_text(text), {}) for text in (JENKINS, IWAN, ROW, PEAK, AMONG)]
+    found = repeated(scenes, points=40, stop=2, solver="dop853", rtol=1e-9)
+    judge(found, 1e-8)
+    assert {e.kind for _, run, _ in found for e in run.events} >= {"slip", "stick", "impact"}
 
 
 def test_a_step_that_makes_velocities_jump_is_not_computed():

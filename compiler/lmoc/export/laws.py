@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lmoc.ir.law import JENKINS, NONE
+from lmoc.ir.law import NONE
 from lmoc.ir.mode import law_names, law_rows
 from lmoc.ir.program import unfilled
 from lmoc.lower.tape import Tape
@@ -38,7 +38,7 @@ class LawTables:
     by_force, by_state : Tape
     given : registers that these read and that parameters, inputs and events fill
     entries : (2,) where their derivatives stand in their matrices
-    quantity, known : (5, n) registers of the quantities; variables of those that are parameters, -1 for none
+    quantity, known : (6, n) registers of the quantities; variables of those that are parameters, -1 for none
     restitution : variables, -1 for none
     inputs, held : (3, n), (states,) registers of the mode, -1 for none
     read : (4, n) registers that show the end of a mode
@@ -73,15 +73,9 @@ class LawTables:
 
 def why_not(plan: Plan) -> str:
     """Return why an FMU cannot have the laws of a plan; empty where it can."""
-    form, flat = plan.reduced.switched, plan.reduced.flat
-    if form is None:
-        return ""
-    if form.count > MOST_LAWS:
+    form = plan.reduced.switched
+    if form is not None and form.count > MOST_LAWS:
         return f"it has {form.count} laws, of which each may act on all others: an FMU holds {MOST_LAWS} at most"
-    names = law_names(flat, form.laws)
-    jenkins = [name for name, degree in zip(names, form.degree, strict=True) if degree == JENKINS]
-    if jenkins:
-        return f"'{jenkins[0]}' is a friction between springs, without a mass or a damper beside it"
     return ""
 
 
@@ -104,11 +98,10 @@ def law_tables(
     assert form is not None
     kinematics = ContactKinematics(plan, values, plan.base(values, signals), signals)
     scene, own = free_dynamics(plan, signals), FreeDynamics(plan, signals, own=False)
-    tapes, (force_entry, state_entry, _, quantity) = own.tapes, own.tables
+    tapes, (force_entry, state_entry, _, quantity, inputs) = own.tapes, own.tables
     wanted = np.concatenate([own.values, own.outputs, own.motions]).astype(int)
     linear, curved = scene.motions_by_shape(inputs_of(scene.plan))
     parameters = own.quantities.known_variables(plan)
-    inputs = np.stack([_registers(plan, v) for v in (form.closed, form.push, form.direction)])
     given = unfilled(own.program, wanted, plan.count)
     given = given[~np.isin(given, np.concatenate([inputs.ravel(), plan.held, plan.states]))]
     restitution = [np.full(g.rows, NONE) if g.restitution is None else g.restitution for g in form.laws]
@@ -118,10 +111,6 @@ def law_tables(
         quantity, parameters, np.concatenate(restitution), inputs, plan.held, reading_registers(kinematics),
         _noise(kinematics, run), law_names(reduced.flat, form.laws), tuple(texts),
     )  # fmt: skip
-
-
-def _registers(plan: Plan, variables: np.ndarray) -> np.ndarray:
-    return np.where(variables == NONE, NONE, plan.reduced.register_of[variables])
 
 
 def _noise(kinematics: ContactKinematics, run: Trajectory) -> np.ndarray:

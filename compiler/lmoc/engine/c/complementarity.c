@@ -25,6 +25,7 @@ static const double PROXIMAL = 1e-6;   /* eps, as a share of the diagonal */
 static const double DEPENDENT = 1e-11; /* singular values below this share of the largest are of dependent constraints */
 static const double ROUNDING = 1e-14;  /* ... violations below this share of the largest terms of all count as none */
 static const double STAYS = 1e-8;      /* entries of null vectors below it are rounding */
+static const double TAKES_PART = 1e-3; /* of the largest iterate: below it a component takes no part in a contradiction */
 enum {
   MOST_PROXIMAL = 8, /* steps; the error falls by eps in each, so that a solvable problem takes two or three */
   APART_FROM = 12,   /* components from which on it is looked whether a problem falls into several */
@@ -339,4 +340,11 @@ int lmoc_complementarity(int64_t n, const double *matrix, const double *q, const
   const problem p = {n, matrix, q, lower, upper, x, w, 0, 0, side};
   if (!n) return LMOC_SOLVED;
   return n < APART_FROM ? coupled(p, unique) : part_by_part(&p, unique);
+}
+
+void lmoc_contradicting(int64_t n, const double *x, const int64_t *which, int64_t all, lmoc_flag *out) {
+  double most = 0;
+  for (int64_t i = 0; i < n; i++) most = fmax(most, fabs(x[i]));
+  memset(out, 0, (size_t)all);
+  for (int64_t i = 0; i < n; i++) out[which[i]] = !(fabs(x[i]) < TAKES_PART * most);
 }

@@ -22,6 +22,9 @@ typedef uint8_t lmoc_flag;
 int lmoc_complementarity(int64_t n, const double *matrix, const double *q, const double *lower, const double *upper,
                          double *x, double *w, int64_t *side, lmoc_flag *unique);
 
+/* Which components of the last iterate x cannot be satisfied: those that have grown without bound. `which` names them. */
+void lmoc_contradicting(int64_t n, const double *x, const int64_t *which, int64_t all, lmoc_flag *out);
+
 /* By how much each component of w may be wrong: a share of its terms, and rounding of the others'. */
 void lmoc_slack(int64_t n, const double *matrix, const double *q, const double *x, double *slack);
 

@@ -17,12 +17,13 @@ typedef struct {
   double *w[2];
   const lmoc_tape *tape[2];
   const int32_t *state;          /* (states,) registers, of both */
-  const int32_t *quantity;       /* (5, n) registers of gap, rate, level, limits while slipping and sticking … */
+  const int32_t *quantity;       /* (6, n) registers of gap, rate, level, limits while slipping and sticking, force … */
   const double *known;           /* … -1 where they are parameters, or no number where there are none */
+  const int32_t *inputs;         /* (3, n) registers of a mode, as of `lmoc_mode_input`; -1: none */
   int64_t lost;                  /* whether a nonlinear block has had no solution near the values it begins with */
 } lmoc_free_dynamics;
 
 /* As `lmoc_kinematics` asks it. */
-int lmoc_free_at(void *own, double time, const double *x, double *values);
+int lmoc_free_at(void *own, double time, const double *x, const lmoc_settled *mode, double *values);
 
 #endif

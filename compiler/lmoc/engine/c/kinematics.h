@@ -17,6 +17,7 @@ typedef struct {
   double *gap, *rate;                    /* (n,) no number where a law has none */
   double *gap_scale, *rate_scale;        /* (n,) sizes of the terms whose sums they are */
   double *bias, *slip, *stick;           /* (n,) levels; limits of friction, no number for others */
+  double *force;                         /* (n,) those of Jenkins friction, which are states; no number for others */
   double *delassus, *response, *slope;   /* (n, n) levels by forces; (states, n) rates of states; (2, n, states) gaps and
                                             rates by the states */
   double *stored;                        /* J, no number without a ledger */
@@ -31,11 +32,10 @@ typedef struct {
   const double *errors, *unresolved;     /* (states,) what the integrator allows itself in a step; what it tells apart by no
                                             more */
   void *owner;                           /* 0 where an answer is good */
-  int (*at)(void *owner, double time, const double *x, double *values);  /* (`lmoc_contact_size`,) behind the states */
+  int (*at)(void *owner, double time, const double *x, const lmoc_settled *mode, double *values); /* (`lmoc_contact_size`,)
+                                            behind the states; levels in a mode, or 0 where all laws are open */
   int (*exact)(void *owner, double time, const double *x, const lmoc_flag *which, double *bias); /* levels of these laws
                                             that are rounding alone become zero; or 0 */
-  int (*relax)(void *owner, const double *x, double *moved, double *lost);  /* Jenkins friction within its limits; or 0 */
-  int (*decide)(void *owner, const double *x);     /* what it does in the mode that has been found; or 0 */
 } lmoc_kinematics;
 
 /* Doubles of an instant, and their places. */

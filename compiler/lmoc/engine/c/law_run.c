@@ -34,7 +34,7 @@ int64_t lmoc_law_place(lmoc_law_run *s, double *memory) {
     contact = memory ? memory + total : 0;
     if (memory) lmoc_contact_place(n, m, contact, at[i]);
   }
-  TAKE(next.direction, n); TAKE(next.push, n); TAKE(next.force, n); TAKE(root, 2*n); TAKE(inputs, 3*n);
+  TAKE(next.direction, n); TAKE(next.push, n); TAKE(next.force, n); TAKE(root, 2*n); TAKE(inputs, 6*n);
   FLAGS(next.closed, n); FLAGS(next.implied, n); FLAGS(next.unique, n); FLAGS(none, 2*n);
 #undef TAKE
 #undef FLAGS
@@ -59,8 +59,6 @@ void lmoc_law_open(lmoc_law_run *s) {
 /* ------------------------------------------------------------------ what goes with a mode */
 
 static int is_gap(const lmoc_law_run *s, int64_t i) { return s->k.unilateral[i] && s->k.laws.degree[i] >= 1; }
-
-static int sticks(const lmoc_law_run *s, int64_t i) { return s->closed[i] && !s->k.laws.complementary[i]; }
 
 int lmoc_law_renew(lmoc_law_run *s) {
   const int64_t n = s->k.laws.count, m = s->k.states;
@@ -102,12 +100,9 @@ static void note_rounding(lmoc_law_run *s) {
   }
 }
 
-void lmoc_law_inputs(const lmoc_law_run *s, double *closed, double *push, double *direction) {
-  for (int64_t i = 0; i < s->k.laws.count; i++) {
-    closed[i] = s->closed[i] && !s->implied[i];
-    push[i] = s->push[i];
-    direction[i] = (double)s->direction[i];
-  }
+void lmoc_law_inputs(const lmoc_law_run *s, double *out) {
+  const lmoc_settled mode = {.closed = s->closed, .implied = s->implied, .direction = s->direction, .push = s->push};
+  for (int64_t i = 0; i < 3 * s->k.laws.count; i++) out[i] = lmoc_mode_input(&mode, s->k.laws.count, i);
 }
 
 /* ------------------------------------------------------------------ what ends a mode */
@@ -376,19 +371,16 @@ int lmoc_law_keep(lmoc_law_run *s, double time, double share, double *x) {
 
 /* ------------------------------------------------------------------ laws and discrete equations */
 
+static int same(int64_t count, const double *one, const double *other) {
+  for (int64_t i = 0; i < count; i++) if (one[i] != other[i]) return 0;
+  return 1;
+}
+
 static int differ(const lmoc_law_run *s, const double *one, const double *other) {
   for (int64_t j = 0; j < s->k.states; j++) if (!s->k.ledger[j] && one[j] != other[j]) return 1;
   return 0;
 }
 
-static int same_inputs(lmoc_law_run *s) {
-  const int64_t n = s->k.laws.count;
-  for (int64_t i = 0; i < n; i++)
-    if (s->inputs[i] != (s->closed[i] && !s->implied[i]) || s->inputs[n + i] != s->push[i] ||
-        s->inputs[2*n + i] != (double)s->direction[i])
-      return 0;
-  return 1;
-}
 
 int lmoc_law_settle(lmoc_law_run *s, const lmoc_discrete *d, double time, double *before, double *x) {
   const int64_t n = s->k.laws.count;
@@ -397,11 +389,12 @@ int lmoc_law_settle(lmoc_law_run *s, const lmoc_discrete *d, double time, double
     if ((failed = lmoc_law_look(s, time, x))) return failed;
     if (d->renew(d->owner)) return LMOC_HELD_UP;
     if ((failed = lmoc_law_renew(s)) || (failed = lmoc_law_parts(s, time, x, &parted))) return failed;
-    lmoc_law_inputs(s, s->inputs, s->inputs + n, s->inputs + 2*n);
+    lmoc_law_inputs(s, s->inputs);
     if ((failed = lmoc_law_happen(s, time, x, s->none, parted || differ(s, before, x)))) return failed;
     memcpy(before, x, (size_t)s->k.states * sizeof(double));
     if (d->happened(d->owner)) return LMOC_HELD_UP;
-    if (!s->some && same_inputs(s)) return LMOC_SOLVED;
+    lmoc_law_inputs(s, s->inputs + 3*n);
+    if (!s->some && same(3*n, s->inputs, s->inputs + 3*n)) return LMOC_SOLVED;
     if (d->settle(d->owner, time, x)) return LMOC_HELD_UP;
   }
   return LMOC_NO_END;

@@ -54,7 +54,7 @@ typedef struct {
 
   lmoc_contact now, past, spare;  /* where the segment begins; `past` for `lmoc_law_parts`; scratch */
   lmoc_settled next;
-  double *root, *inputs;       /* (2 n,), (3, n) */
+  double *root, *inputs;       /* (2 n,), (2, 3, n) */
   lmoc_flag *none;             /* (2 n,) */
 } lmoc_law_run;
 
@@ -104,7 +104,7 @@ int lmoc_law_strike(lmoc_law_run *s, double time, const double *before, double *
 int lmoc_law_keep(lmoc_law_run *s, double time, double share, double *x);
 int lmoc_law_drifts(const lmoc_law_run *s);   /* whether anything is closed that may */
 
-/* The registers of the switched form in this mode, (3, n): closed, push, direction. */
-void lmoc_law_inputs(const lmoc_law_run *s, double *closed, double *push, double *direction);
+/* The registers of the switched form in this mode, (3, n), as of `lmoc_mode_input`. */
+void lmoc_law_inputs(const lmoc_law_run *s, double *out);
 
 #endif

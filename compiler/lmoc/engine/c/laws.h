@@ -28,6 +28,9 @@ typedef struct {
   double *push, *force, *level;
 } lmoc_settled;
 
+/* What stands in the registers of the switched form in a mode: of (3, laws), closed, push, direction. */
+double lmoc_mode_input(const lmoc_settled *mode, int64_t laws, int64_t which);
+
 /* The mode that holds from an instant on: SOLVED, NO_SOLUTION where no forces satisfy the laws, such as of a body that
    is pressed between two stops, or Painleve's paradox.
 

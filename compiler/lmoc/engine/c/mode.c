@@ -17,7 +17,6 @@ static const double ROUNDING = 1e-10;  /* by which a contact friction may pass i
 static const double RESTING = 1e-9;    /* share of its terms below which an acceleration is zero */
 static const double HELD = 0.1;        /* of the acceleration by this share of its limit: if it is less, others hold
                                           friction at its limit */
-static const double TAKES_PART = 1e-3; /* of the largest iterate: below it a law takes no part in a contradiction */
 
 /* An instant with memory for what is tried at it. */
 typedef struct {
@@ -77,13 +76,8 @@ static int64_t pose(const choice *c, const lmoc_flag *which) {
   return count;
 }
 
-/* The iterates of the proximal point method grow without bound in the components that cannot be satisfied, so that
-   their sizes say which laws these are. */
 static int contradiction(const choice *c, int64_t count) {
-  double most = 0;
-  for (int64_t i = 0; i < count; i++) most = fmax(most, fabs(c->x[i]));
-  for (int64_t k = 0; k < c->n; k++) c->found->laws[k] = 0;
-  for (int64_t i = 0; i < count; i++) c->found->laws[c->active[i]] = !(fabs(c->x[i]) < TAKES_PART * most);
+  lmoc_contradicting(count, c->x, c->active, c->n, c->found->laws);
   return LMOC_NO_SOLUTION;
 }
 
@@ -315,6 +309,12 @@ static int chosen(const choice *c, const lmoc_flag *closed, const lmoc_flag *can
 }
 
 /* ------------------------------------------------------------------ all of it */
+
+double lmoc_mode_input(const lmoc_settled *mode, int64_t laws, int64_t which) {
+  const int64_t k = which % laws;
+  if (which < laws) return mode->closed[k] && !mode->implied[k];
+  return which < 2*laws ? mode->push[k] : (double)mode->direction[k];
+}
 
 /* No law is closed: forces are those of sliding friction. */
 static int all_open(const choice *c, const int64_t *sliding) {

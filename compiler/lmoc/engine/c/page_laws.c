@@ -6,44 +6,28 @@
 
 /* ------------------------------------------------------------------ the mode in the registers */
 
-static void put(lmoc_page *p, const int32_t *registers, int64_t k, double value) {
-  if (registers[k] >= 0) p->w[registers[k]] = value;
-}
-
-void lmoc_page_open(lmoc_page *p) {
+/* That of the run, or with all laws open. */
+static void put(lmoc_page *p, int open) {
   const page_laws *l = &p->laws;
-  for (int64_t k = 0; k < l->run.k.laws.count; k++) {
-    put(p, l->closed, k, 0);
-    put(p, l->push, k, 0);
-    put(p, l->direction, k, 0);
-  }
-  for (int64_t j = 0; j < p->n; j++) put(p, l->held, j, 0);
+  const int32_t *registers = l->free.inputs;
+  lmoc_law_inputs(&l->run, l->inputs);
+  for (int64_t i = 0; i < 3 * l->run.k.laws.count; i++) if (registers[i] >= 0) p->w[registers[i]] = open ? 0 : l->inputs[i];
+  for (int64_t j = 0; j < p->n; j++) if (l->held[j] >= 0) p->w[l->held[j]] = open ? 0 : l->run.held[j];
   p->switched = 1;
 }
 
-void lmoc_page_hold(lmoc_page *p) {
-  const page_laws *l = &p->laws;
-  const int64_t n = l->run.k.laws.count;
-  double *closed = l->inputs, *push = closed + n, *direction = push + n;
-  lmoc_law_inputs(&l->run, closed, push, direction);
-  for (int64_t k = 0; k < n; k++) {
-    put(p, l->closed, k, closed[k]);
-    put(p, l->push, k, push[k]);
-    put(p, l->direction, k, direction[k]);
-  }
-  for (int64_t j = 0; j < p->n; j++) put(p, l->held, j, l->run.held[j]);
-  p->switched = 1;
-}
+void lmoc_page_open(lmoc_page *p) { put(p, 1); }
+void lmoc_page_hold(lmoc_page *p) { put(p, 0); }
 
 /* Quantities with all laws open; nonlinear blocks near their last solution. */
-static int at(void *owner, double time, const double *x, double *values) {
+static int at(void *owner, double time, const double *x, const lmoc_settled *mode, double *values) {
   lmoc_page *p = owner;
   lmoc_page_open(p);
   if (p->unknown_count) {
     memmove(p->x, x, p->n * sizeof(double));
     lmoc_page_evaluate(p, (int)p->laws.by_force, time);
   }
-  return lmoc_free_at(&p->laws.free, time, x, values);
+  return lmoc_free_at(&p->laws.free, time, x, mode, values);
 }
 
 /* ------------------------------------------------------------------ reading */
@@ -99,7 +83,7 @@ void lmoc_page_read_laws(lmoc_page *p, lmoc_bytes *b) {
   s->position = read_flags(b);
   s->k.ledger = read_flags(b);
   l->limited = read_flags(b);
-  const int32_t **tables[] = {&l->restitution_of, &l->free.quantity, &l->read, &l->closed, &l->push, &l->direction, &l->held};
+  const int32_t **tables[] = {&l->restitution_of, &l->free.quantity, &l->read, &l->free.inputs, &l->held};
   for (size_t k = 0; k < sizeof tables / sizeof *tables; k++) *tables[k] = lmoc_read_integers(b, &count);
   read_derivatives(p, b, LMOC_BY_FORCE, l->by_force);
   read_derivatives(p, b, LMOC_BY_STATE, by_state);
@@ -107,7 +91,7 @@ void lmoc_page_read_laws(lmoc_page *p, lmoc_bytes *b) {
     b->failed = 1;
     return;
   }
-  const int64_t n = laws->count, m = s->k.states = p->n, own = 15*n + 2*m;
+  const int64_t n = laws->count, m = s->k.states = p->n, own = 16*n + 2*m;
   double *memory = calloc((size_t)(own + lmoc_law_place(s, 0) + 1), sizeof(double));
   l->which = calloc((size_t)(2*n + 1), 1);
   if (!memory || !l->which) {
@@ -117,10 +101,10 @@ void lmoc_page_read_laws(lmoc_page *p, lmoc_bytes *b) {
   lmoc_law_place(s, memory + own);
 #define TAKE(name, count) (name = place, place += (count))
   double *place = memory;
-  TAKE(l->inputs, 3*n), TAKE(l->restitution, n), TAKE(l->errors, m), TAKE(l->unresolved, m), TAKE(l->known, 5*n);
+  TAKE(l->inputs, 3*n), TAKE(l->restitution, n), TAKE(l->errors, m), TAKE(l->unresolved, m), TAKE(l->known, 6*n);
   TAKE(l->values, 4*n), TAKE(l->limits, n), TAKE(s->noise, n);
 #undef TAKE
-  for (int64_t k = 0; k < 5*n; k++) l->known[k] = NAN;
+  for (int64_t k = 0; k < 6*n; k++) l->known[k] = NAN;
   s->k.restitution = l->restitution;
   s->k.errors = l->errors;
   s->k.unresolved = l->unresolved;

@@ -39,7 +39,7 @@ typedef struct {
   lmoc_free_dynamics free;
   int64_t by_force, roots;            /* programs: the quantities with their derivatives; what ends a mode */
   const lmoc_flag *limited;           /* (n,) whose sticking limits are parameters */
-  const int32_t *restitution_of, *closed, *push, *direction, *held; /* registers; -1: none */
+  const int32_t *restitution_of, *held; /* registers; -1: none */
   const int32_t *read;                /* (4 n,) of motions, rates, forces, sticking limits */
   double *inputs, *restitution, *errors, *unresolved, *known, *values, *limits;
   lmoc_flag *which;

@@ -19,13 +19,14 @@ static const double DRIFT = 1e3;      /* errors of a step: by what a gap may hav
                                          from a given motion */
 enum { MOST_NEWTON = 12 };
 
-int64_t lmoc_contact_size(int64_t laws, int64_t states) { return states + laws * (7 + laws + 3*states) + 1; }
+int64_t lmoc_contact_size(int64_t laws, int64_t states) { return states + laws * (8 + laws + 3*states) + 1; }
 
 void lmoc_contact_place(int64_t laws, int64_t states, double *memory, lmoc_contact *to) {
-  double **rows[] = {&to->gap, &to->rate, &to->gap_scale, &to->rate_scale, &to->bias, &to->slip, &to->stick};
+  double **rows[] = {&to->gap, &to->rate, &to->gap_scale, &to->rate_scale, &to->bias, &to->slip, &to->stick,
+                     &to->force};
   to->x = memory;
   memory += states;
-  for (int i = 0; i < 7; i++, memory += laws) *rows[i] = memory;
+  for (int i = 0; i < 8; i++, memory += laws) *rows[i] = memory;
   to->delassus = memory;
   to->response = memory + laws * laws;
   to->slope = to->response + laws * states;
@@ -40,7 +41,7 @@ void lmoc_contact_copy(int64_t laws, int64_t states, const lmoc_contact *from, l
 int lmoc_contact_at(const lmoc_kinematics *k, double time, const double *x, lmoc_contact *to) {
   to->time = time;
   if (to->x != x) memcpy(to->x, x, k->states * sizeof(double));
-  return k->at(k->owner, time, to->x, to->x + k->states) ? LMOC_HELD_UP : LMOC_SOLVED;
+  return k->at(k->owner, time, to->x, 0, to->x + k->states) ? LMOC_HELD_UP : LMOC_SOLVED;
 }
 
 void lmoc_drift(int64_t count, int64_t states, const double *slope, const double *errors, double *out) {

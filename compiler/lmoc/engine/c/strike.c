@@ -11,7 +11,6 @@
 
 static const double LOCATED = 1e-14;   /* s, or this share of the time: so exactly are instants located */
 static const double LOSSLESS = 1e-6;   /* of a rate, in a bounce */
-static const double TAKES_PART = 1e-3; /* of the largest iterate: below it a law takes no part in a contradiction */
 
 int lmoc_is_impulsive(const lmoc_kinematics *k, int64_t law) {
   return k->laws.complementary[law] && k->laws.degree[law] == LMOC_POSITION;
@@ -56,7 +55,7 @@ void lmoc_impact_free(lmoc_impact *one) {
 }
 
 /* The matrix of the laws that take part. */
-static void part_of(const lmoc_contact *now, int64_t n, const lmoc_impact *one, double *matrix) {
+void lmoc_part_of(const lmoc_contact *now, int64_t n, const lmoc_impact *one, double *matrix) {
   for (int64_t i = 0; i < one->count; i++)
     for (int64_t j = 0; j < one->count; j++)
       matrix[i * one->count + j] = now->delassus[one->which[i]*n + one->which[j]];
@@ -79,7 +78,7 @@ int lmoc_strike(const lmoc_kinematics *k, const lmoc_contact *now, const lmoc_fl
   int law = 0, status = LMOC_NO_MEMORY;
   place = malloc((size_t)(n + 1) * sizeof(int64_t));
   if (matrix && side && unique && place) {
-    part_of(now, n, found, matrix);
+    lmoc_part_of(now, n, found, matrix);
     for (int64_t i = 0; i < m; i++) place[found->which[i]] = i;
     for (int64_t i = 0; i < m; i++) {
       const int64_t own = found->which[i];
@@ -96,11 +95,8 @@ int lmoc_strike(const lmoc_kinematics *k, const lmoc_contact *now, const lmoc_fl
     found->law = law;
   }
   if (status == LMOC_NO_SOLUTION) {
-    double most = 0;
     status = LMOC_NO_IMPULSES;
-    for (int64_t i = 0; i < m; i++) most = fmax(most, fabs(found->impulse[i]));
-    memset(laws, 0, (size_t)n);
-    for (int64_t i = 0; i < m; i++) laws[found->which[i]] = fabs(found->impulse[i]) >= TAKES_PART * most;
+    lmoc_contradicting(m, found->impulse, found->which, n, laws);
   }
   free(matrix);
   free(side);
@@ -125,7 +121,7 @@ int lmoc_rest(const lmoc_kinematics *k, const lmoc_contact *now, const lmoc_flag
   const int64_t m = found->count;
   double *u = malloc((size_t)(2*m*m + 2*m + 1) * sizeof(double)), *v = u + m*m, *values = v + m*m, *right = values + m;
   if (!u) return LMOC_NO_MEMORY;
-  part_of(now, n, found, u);
+  lmoc_part_of(now, n, found, u);
   for (int64_t i = 0; i < m; i++) right[i] = -now->rate[found->which[i]];
   lmoc_singular_values(m, m, u, v, values);
   lmoc_least_squares(m, u, v, values, DBL_EPSILON * (double)m, right, found->impulse);

@@ -21,6 +21,9 @@ int lmoc_is_lossless(const lmoc_kinematics *k, int64_t law);    /* all bounces l
 double lmoc_least_rate(const lmoc_contact *now, int64_t n, int64_t law);
 double lmoc_acceleration(const lmoc_contact *now, int64_t n, int64_t law); /* that the states and its own friction make */
 
+/* The effect of such laws on each other, out of that of all n. */
+void lmoc_part_of(const lmoc_contact *now, int64_t n, const lmoc_impact *one, double *matrix);
+
 /* Laws that strike, with the friction at their contacts. */
 void lmoc_sharing(const lmoc_kinematics *k, const lmoc_flag *striking, lmoc_flag *sharing);
 

@@ -2,7 +2,7 @@
 
 #include "transition.h"
 #include "impact.h"
-#include "strike.h"
+#include "jenkins.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -32,7 +32,7 @@ typedef struct {
   int64_t n;
   double *memory, *least, *lowest, *restitution, *share;
   int64_t *directions, *at_limit, *turns;
-  lmoc_flag *flags, *holding, *touching, *striking, *sharing, *candidate, *one, *other, *releasing;
+  lmoc_flag *flags, *holding, *touching, *striking, *sharing, *candidate, *one, *other, *releasing, *limits;
 } decision;
 
 /* The next instant takes the place of the present one. */
@@ -266,17 +266,6 @@ static int next_mode(decision *d) {
   return settle(d, d->other, d->at_limit, d->releasing, &d->found->settled);
 }
 
-/* Jenkins friction gives way where its forces are beyond their limits. */
-static int relax(decision *d, double *lost) {
-  const lmoc_kinematics *k = d->k;
-  if (!k->relax) return LMOC_SOLVED;
-  if (k->relax(k->owner, d->now.x, d->spare.x, lost)) return LMOC_HELD_UP;
-  if (!memcmp(d->now.x, d->spare.x, (size_t)k->states * sizeof(double))) return LMOC_SOLVED;
-  const int failed = lmoc_contact_at(k, d->now.time, d->spare.x, &d->spare);
-  step_on(d);
-  return failed;
-}
-
 static int without_rounding(decision *d) {
   int some = 0;
   for (int64_t i = 0; i < d->n; i++) some |= d->one[i] = d->candidate[i] && d->k->unilateral[i];
@@ -342,7 +331,9 @@ static int decide(decision *d, double time, const double *x) {
     f->law = d->impact->law;
     account(d, energy);
   }
-  if ((failed = relax(d, f->lost))) return failed;
+  if ((failed = lmoc_jenkins_relax(k, d->closed, d->trigger->opening, d->trigger->direction, &d->now, &d->spare, d->impact,
+                                   d->limits, f->lost, f->settled.laws)))
+    return failed;
   candidates(d, d->touching, d->candidate);
   if ((failed = without_rounding(d)) || (failed = next_mode(d))) return failed;
   for (int64_t i = 0; i < d->n; i++)
@@ -350,7 +341,7 @@ static int decide(decision *d, double time, const double *x) {
   if ((failed = onto_closed(d))) return failed;
   f->stored = *d->before.stored;
   lmoc_contact_copy(d->n, k->states, &d->now, f->now);
-  return k->decide && k->decide(k->owner, d->now.x) ? LMOC_HELD_UP : LMOC_SOLVED;
+  return lmoc_jenkins_decide(k, &d->now, &d->spare, d->impact, d->limits, &f->settled);
 }
 
 /* Memory of a decision; 0 where there is none. */
@@ -370,8 +361,9 @@ static int make(decision *d) {
   d->at_limit = i + n;
   d->trial = (lmoc_settled){f, f + n, f + 2*n, f + 3*n, i + 2*n, m + 3*n, m + 4*n, m + 5*n};
   d->share = m + 6*n;
-  lmoc_flag **masks[] = {&d->holding, &d->touching, &d->striking, &d->sharing, &d->candidate, &d->one, &d->other, &d->releasing};
-  for (int at = 0; at < 8; at++) *masks[at] = f + (4 + at) * n;
+  lmoc_flag **masks[] = {&d->holding, &d->touching, &d->striking, &d->sharing, &d->candidate, &d->one, &d->other, &d->releasing,
+                         &d->limits};
+  for (int at = 0; at < 9; at++) *masks[at] = f + (4 + at) * n;
   return 1;
 }
 

@@ -74,7 +74,7 @@ typedef struct {
   int64_t given;
   const int32_t *given_registers;         /* … from these registers, which parameters, inputs and events fill */
   const int32_t *force_entry, *state_entry, *quantity;
-  const int32_t *known, *restitution;     /* (5, n), (n,) places on the tape of parameters; -1 for none */
+  const int32_t *known, *restitution;     /* (6, n), (n,) places on the tape of parameters; -1 for none */
   const int32_t *inputs, *held;           /* (3, n), (states,) registers of a mode; -1 for none */
   const int32_t *read;                    /* (4, n) registers of `look` */
   const double *noise;                    /* what levels are by rounding alone */

@@ -54,7 +54,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(hops.times, i->zeros * LMOC_CHATTER);
   TAKE(hops.home, i->zeros);
   TAKE(warned, e->watched);
-  TAKE(known, 5*laws);
+  TAKE(known, 6*laws);
   TAKE(restitution, laws);
   TAKE(errors, m->states);
   TAKE(unresolved, m->states);

@@ -10,13 +10,13 @@ static const double DRIFT = 0.1;     /* of the tolerance: from there on the stat
 /* ------------------------------------------------------------------ quantities */
 
 /* Nonlinear blocks, such as the closures of loops, begin where those of the motion are: these are followed on the way. */
-static int contact_at(void *own, double time, const double *x, double *values) {
+static int contact_at(void *own, double time, const double *x, const lmoc_settled *mode, double *values) {
   fmu *f = own;
   const int32_t *unknown = f->model->unknown;
   if (f->call.remembered && fmu_solve(f, time, x)) return LMOC_HELD_UP;
   for (int64_t i = 0; i < f->call.remembered; i++)
     f->w[BY_FORCE][unknown[i]] = f->w[BY_STATE][unknown[i]] = f->w[RIGHT][unknown[i]];
-  lmoc_free_at(&f->scene, time, x, values);
+  lmoc_free_at(&f->scene, time, x, mode, values);
   if (!f->scene.lost) return LMOC_SOLVED;
   fmu_lost(f);
   return LMOC_HELD_UP;
@@ -53,7 +53,7 @@ void fmu_law_ask(fmu *f) {
   const fmu_laws *l = &m->laws;
   const int64_t n = l->laws.count;
   f->laws.k = (lmoc_kinematics){l->laws, m->states, l->unilateral, l->ledger, f->restitution, f->errors, f->unresolved, f,
-                                contact_at, exact, 0, 0};
+                                contact_at, exact};
   f->laws.curved = l->curved;
   f->laws.linear = l->linear;
   f->laws.position = l->position;
@@ -64,14 +64,14 @@ void fmu_law_ask(fmu *f) {
   f->scene = (lmoc_free_dynamics){n, m->states, -1, {l->by_force.result_count, l->by_state.result_count},
                                   {l->by_force.results, l->by_state.results}, {l->force_entry, l->state_entry},
                                   {f->w[BY_FORCE], f->w[BY_STATE]}, {f->tape + BY_FORCE, f->tape + BY_STATE}, m->state,
-                                  l->quantity, f->known};
+                                  l->quantity, f->known, l->inputs};
 }
 
 void fmu_law_parameters(fmu *f) {
   const fmu_laws *l = &f->model->laws;
   const double *w = f->w[PARAMETRIC];
   const int64_t n = l->laws.count;
-  for (int64_t i = 0; i < 5*n; i++) f->known[i] = l->known[i] < 0 ? NAN : w[l->known[i]];
+  for (int64_t i = 0; i < 6*n; i++) f->known[i] = l->known[i] < 0 ? NAN : w[l->known[i]];
   for (int64_t i = 0; i < n; i++) f->restitution[i] = l->restitution[i] < 0 ? 0 : w[l->restitution[i]];
 }
 
@@ -80,7 +80,7 @@ void fmu_law_mode(fmu *f) {
   const int64_t n = l->laws.count;
   double *w = f->w[RIGHT], *inputs = f->law_read;
   int changed = 0;
-  lmoc_law_inputs(&f->laws, inputs, inputs + n, inputs + 2*n);
+  lmoc_law_inputs(&f->laws, inputs);
   for (int64_t i = 0; i < 3*n; i++) {
     const int32_t at = l->inputs[i];
     if (at < 0 || w[at] == inputs[i]) continue;

@@ -127,9 +127,8 @@ CATALOGUE: dict[str, Entry] = {
     "E0669": Entry(
         "a scene that cannot be an FMU",
         "FMUs are made of masses, springs, gears, mechanisms, blocks, inputs, of laws that switch (stops, ropes,\n"
-        "friction, contacts), and of what happens at instants: `when`, relations, samples, assertions. Friction\n"
-        "between springs alone, and laws or events in mechanisms whose coordinates change along the motion cannot be\n"
-        "exported yet (docs/fmi.md).",
+        "friction, contacts), and of what happens at instants: `when`, relations, samples, assertions. Laws or events\n"
+        "in mechanisms whose coordinates change along the motion cannot be exported yet (docs/fmi.md).",
     ),
     "E0663": Entry(
         "no single equilibrium",

@@ -10,13 +10,12 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.ir.flat import Kind
-from lmoc.ir.law import NONE, LawKind, Switched
+from lmoc.ir.law import JENKINS, NONE, LawKind, Switched
 from lmoc.ir.program import Solve, needed_steps, walk
 from lmoc.lower.blocks import derivatives_tape
 from lmoc.lower.tape import Tape
@@ -37,39 +36,27 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-class EvaluateFree(Protocol):
-    """Quantities, their derivatives by forces and by states, at a time and state.
-
-    Returns
-    -------
-    (quantities,), (laws + states, laws), (motions, states): as `FreeDynamics.bind` says
-    """
-
-    def __call__(self, t: float, x: Array, /) -> tuple[Array, Array, Array]: ...
-
-    def prepare(self, base: Array, signals: Mapping[int, Signal]) -> None: ...
-
-
 @dataclass(frozen=True, eq=False)
 class Quantities:
     """Where the quantities of the laws are, an entry for each law.
 
     Attributes
     ----------
-    variables : (5, n) of the flat model, NONE for none: gap, rate, level, limits while slipping and while sticking
-    registers : (5, n) of the plan, -1 for what the program does not compute
+    variables : (6, n) of the flat model, NONE for none: gap, rate, level, limits while slipping and while sticking, and
+        the force of Jenkins friction, which is a state
+    registers : (6, n) of the plan, -1 for what the program does not compute
     """
 
     variables: Indices
     registers: Indices
 
     def known_variables(self, plan: Plan) -> Indices:
-        """Return which (5, n) are constants or parameters, NONE for the others."""
+        """Return which (6, n) are constants or parameters, NONE for the others."""
         kind = plan.reduced.flat.kind[self.variables]
         return np.where((self.variables != NONE) & (kind <= Kind.PARAMETER), self.variables, NONE)
 
     def known(self, plan: Plan, values: Array) -> Array:
-        """Return the values (5, n) of these, NaN for the others."""
+        """Return the values (6, n) of these, NaN for the others."""
         variables = self.known_variables(plan)
         return np.where(variables != NONE, values[variables], np.nan)
 
@@ -84,7 +71,8 @@ def quantities_of(plan: Plan, form: Switched, degree: Indices) -> Quantities:
     """
     level = np.where(degree == POSITION, form.level, np.where(degree == 0, form.gap, form.rate))
     rate = np.where((form.gap != NONE) & (degree == 0), NONE, form.rate)
-    variables = np.stack([form.gap, rate, level, *limits_of(form)])
+    force = np.where(degree == JENKINS, form.force, NONE)
+    variables = np.stack([form.gap, rate, level, *limits_of(form), force])
     return Quantities(variables, np.where(variables == NONE, -1, plan.reduced.register_of[variables]))
 
 
@@ -108,8 +96,8 @@ class FreeDynamics:
     plan : what is evaluated, the free scene where that is possible
     quantities : Quantities
     stored : register of the ledger's stored energy, -1 for none
-    values : (k,) registers of the quantities, in the order of (gap, rate, level, slip, stick) without those that are
-        not computed; last the stored energy of the ledger, where there is one
+    values : (k,) registers of the quantities, in the order of (gap, rate, level, slip, stick, force) without those that
+        are not computed; last the stored energy of the ledger, where there is one
     """
 
     def __init__(self, plan: Plan, signals: Mapping[int, Signal], own: bool = True) -> None:
@@ -157,11 +145,11 @@ class FreeDynamics:
             base[there[there >= 0]] = given[reduced.register_of[held]][there >= 0]
         return base
 
-    def bind(self, base: Array, signals: Mapping[int, Signal]) -> EvaluateFree:
+    def bind(self, base: Array, signals: Mapping[int, Signal]) -> ByEngine | Interpreted:
         """Return the evaluation with the parameters and signals of a run.
 
-        It returns the registers `values`, the derivatives of the levels and of the states' rates by the forces, and
-        those of gaps and rates by the states.
+        At a time and states it returns the registers `values`, the derivatives of the levels and of the states' rates
+        by the forces, and those of gaps and rates by the states.
         """
         return ByEngine(self, base, signals) if self.is_explicit else Interpreted(self, base, signals)
 
@@ -183,15 +171,21 @@ class FreeDynamics:
         return derivatives_tape(own, self.by_force, count, True), derivatives_tape(own, self.by_state, count, True)
 
     @cached_property
-    def tables(self) -> tuple[Array, Array, Array, Array]:
-        """Where derivatives stand in the matrices of ``lmoc_free_dynamics``; registers of states and quantities."""
+    def tables(self) -> tuple[Array, ...]:
+        """Where derivatives stand in the matrices of ``lmoc_free_dynamics``; registers of states, quantities, modes."""
         motions, count = np.flatnonzero((self.quantities.registers[:2] >= 0).ravel()), len(self.plan.states)
         force, state = self.by_force, self.by_state
         found = (
             force.rows * len(self.push) + force.columns, motions[state.rows] * count + state.columns,
-            self.plan.states, self.quantities.registers,
+            self.plan.states, self.quantities.registers, self.inputs,
         )  # fmt: skip
         return tuple(np.ascontiguousarray(v, np.int32) for v in found)
+
+    @cached_property
+    def inputs(self) -> Indices:
+        """(3, laws) registers that say in which mode each law is; -1 for none."""
+        form, register = self.plan.reduced.switched, self.plan.reduced.register_of
+        return np.stack([np.where(v == NONE, -1, register[v]) for v in (form.closed, form.push, form.direction)])
 
     @property
     def asks_for_inputs(self) -> bool:
@@ -255,7 +249,7 @@ def _kept(_: Plan) -> list[FreeDynamics]:
 def _free_plan(plan: Plan, signals: Mapping[int, Signal]) -> Plan:
     """Return the plan of the free scene with the same states; the plan itself where there is none."""
     free = plan.reduced.free
-    if free is None:
+    if free is None or (plan.reduced.switched.degree == JENKINS).any():  # whose forces are states of the switched form
         return plan
     shared, report = plan.reduced.lawful.count, Report()
     made = build_plan(free, _signals_of(free.switched, shared, signals), bool(plan.ledger.any()), report)
@@ -338,7 +332,7 @@ class FreeInC(ctypes.Structure):
         *[(name, ctypes.c_int64) for name in ("laws", "states", "stored")],
         ("count", ctypes.c_int64 * 2),
         *[(name, ctypes.c_void_p * 2) for name in ("place", "entry", "w", "tape")],
-        *[(name, ctypes.c_void_p) for name in ("state", "quantity", "known")],
+        *[(name, ctypes.c_void_p) for name in ("state", "quantity", "known", "inputs")],
         ("lost", ctypes.c_int64),
     ]
 
@@ -366,7 +360,7 @@ class ByEngine:
             function.sample(t)
 
     def in_c(self, known: Array) -> FreeInC:
-        """Return what C reads; valid as long as this lives. `known`: (5, n) of quantities without a register."""
+        """Return what C reads; valid as long as this lives. `known`: (6, n) of quantities without a register."""
         tables = self._scene.tables
         places = [np.ascontiguousarray(t.results, np.int32) for t in self._scene.tapes]
         kernels = [f.kernel.addresses for f in (self._force, self._state)]
@@ -375,7 +369,7 @@ class ByEngine:
             made.count[k], made.place[k], made.entry[k] = len(places[k]), places[k].ctypes.data, tables[k].ctypes.data
             made.w[k], made.tape[k] = kernels[k]
         made.state, made.quantity = tables[2].ctypes.data, tables[3].ctypes.data
-        made.known = known.ctypes.data
+        made.known, made.inputs = known.ctypes.data, tables[4].ctypes.data
         made.kept = places, known, self
         return made
 
@@ -407,9 +401,12 @@ class Interpreted:
         self.base[unknowns] = solutions
         self.interpreter.reset()
 
-    def __call__(self, t: float, x: Array) -> tuple[Array, Array, Array]:
+    def __call__(self, t: float, x: Array, mode: Array | None = None) -> tuple[Array, Array, Array]:
+        """Evaluate; `mode`: (3, laws) values of `FreeDynamics.inputs`, None where all laws are open."""
         scene, plan, w = self.scene, self.scene.plan, self.base.copy()
         w[plan.states] = x
+        if mode is not None:
+            w[scene.inputs[scene.inputs >= 0]] = mode[scene.inputs >= 0]
         for register, (variable, order) in zip(plan.sampled, plan.samplers, strict=True):
             w[register] = sample(self.signals[variable], order, np.array([t]))[0]
         self.interpreter.run(w, t)

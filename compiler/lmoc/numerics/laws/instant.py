@@ -125,8 +125,8 @@ class Instant:
     def of(cls, t: float, x: Array, row: Array, n: int) -> Instant:
         """Return an instant from its values in one row, as ``lmoc_contact`` has them behind the states."""
         m = len(x)
-        gap, rate, gap_scale, rate_scale, bias, slip, stick = row[: 7 * n].reshape(7, n)
-        delassus, response, slope = np.split(row[7 * n : -1], np.cumsum([n * n, m * n]))
+        gap, rate, gap_scale, rate_scale, bias, slip, stick, _ = row[: 8 * n].reshape(8, n)
+        delassus, response, slope = np.split(row[8 * n : -1], np.cumsum([n * n, m * n]))
         return cls(
             t, x, gap, rate, gap_scale, rate_scale, slope.reshape(2, n, m), bias, delassus.reshape(n, n),
             response.reshape(m, n), slip, stick, float(row[-1]),
@@ -237,34 +237,39 @@ class ContactKinematics:
         """Return the laws' quantities at a time and state."""
         return Instant.of(t, x, self.row(t, x), self.form.count)
 
-    def row(self, t: float, x: Array) -> Array:
-        """Return them in one row, as ``lmoc_contact`` has them behind the states."""
-        last = self._last
-        if last is None or last[0] != t or not (last[1] == x).all():
-            own = self._evaluate
-            found = self._by_program(own, t, x) if isinstance(own, ByEngine) else self._found(t, x)
-            self._last = last = t, x.copy(), found
+    def row(self, t: float, x: Array, mode: int | None = None) -> Array:
+        """Return them in one row, as ``lmoc_contact`` has them behind the states.
+
+        Parameters
+        ----------
+        mode : address of an ``lmoc_settled``; with all laws open without it
+        """
+        last, own = self._last, self._evaluate
+        if mode is not None or last is None or last[0] != t or not (last[1] == x).all():
+            found = self._by_program(own, t, x, mode) if isinstance(own, ByEngine) else self._found(own, t, x, mode)
+            self._last = last = (np.nan if mode else t), x.copy(), found
         return last[2]
 
-    def _by_program(self, program: ByEngine, t: float, x: Array) -> Array:
+    def _by_program(self, program: ByEngine, t: float, x: Array, mode: int | None) -> Array:
         n, m = self.form.count, len(x)
-        found, x = np.empty(n * (7 + n + 3 * m) + 1), np.ascontiguousarray(x)
+        found, x = np.empty(n * (8 + n + 3 * m) + 1), np.ascontiguousarray(x)
         program.sample(t)
-        library().lmoc_free_at(ctypes.byref(self._program), t, x.ctypes.data, found.ctypes.data)
+        library().lmoc_free_at(ctypes.byref(self._program), t, x.ctypes.data, mode, found.ctypes.data)
         return found
 
-    def _found(self, t: float, x: Array) -> Array:
-        found, force, own = self._evaluate(t, x)
+    def _found(self, program: Interpreted, t: float, x: Array, mode: int | None) -> Array:
         n, present = self.form.count, self._present
+        inputs = [library().lmoc_mode_input(mode, n, i) for i in range(3 * n)] if mode else None
+        found, force, own = program(t, x, None if inputs is None else np.reshape(inputs, (3, n)))
         value = self.known.copy()
         value[present] = found[: int(present.sum())]
-        gap, rate, bias, slip, stick = value
+        gap, rate, bias, slip, stick, forces = value
         slope, scale = np.zeros((2, n, len(x))), np.zeros((2, n))
         slope[present[:2]] = own
         motion = value[:2][present[:2]]
         scale[present[:2]] = np.abs(own) @ np.abs(x) + np.abs(motion - own @ x)
         stored = [float(found[-1]) if self.stored else np.nan]
-        rows = gap, rate, *scale, bias, np.maximum(slip, 0.0), np.maximum(stick, 0.0)
+        rows = gap, rate, *scale, bias, np.maximum(slip, 0.0), np.maximum(stick, 0.0), forces
         return np.concatenate([*rows, force.ravel(), slope.ravel(), stored])
 
 

@@ -13,17 +13,15 @@ from lmoc.engine.answers import Answers, doubles
 from lmoc.engine.library import address, library
 from lmoc.numerics.laws.complementarity import NO_SOLUTION, Array
 from lmoc.numerics.laws.contradiction import Contradiction
-from lmoc.numerics.laws.instant import ContactKinematics, Instant, Laws, Mask
+from lmoc.numerics.laws.instant import ContactKinematics, Laws, Mask
 from lmoc.numerics.problem.mode import Mode
 
 OVERLAPS, GAP_JUMPS, CHATTERS, NO_END = 5, 6, 7, 8  # what else a call may come to, (``law_run.h``)
 _NO_MEMORY = -1
 _REASONS = {NO_SOLUTION: "no forces keep them", 3: "no states nearby satisfy them", 4: "no impulses keep them"}
 _PLACE, _TIME, _COUNT = ctypes.c_void_p, ctypes.c_double, ctypes.c_int64
-_AT = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE, _PLACE)
+_AT = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE, _PLACE, _PLACE)
 _EXACT = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE, _PLACE, _PLACE)
-_RELAX = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _PLACE, _PLACE, _PLACE)
-_DECIDE = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _PLACE)
 _DO = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE)
 _SETTLE = ctypes.CFUNCTYPE(ctypes.c_int, _PLACE, _TIME, _PLACE)
 
@@ -39,7 +37,7 @@ class _Kinematics(ctypes.Structure):
         ("laws", Laws),
         ("states", _COUNT),
         *_places("unilateral", "ledger", "restitution", "errors", "unresolved", "owner"),
-        *_places("at", "exact", "relax", "decide"),
+        *_places("at", "exact"),
     ]
 
 
@@ -48,7 +46,7 @@ class _Contact(ctypes.Structure):
 
     _fields_ = [
         ("time", _TIME),
-        *_places("x", "gap", "rate", "gap_scale", "rate_scale", "bias", "slip", "stick"),
+        *_places("x", "gap", "rate", "gap_scale", "rate_scale", "bias", "slip", "stick", "force"),
         *_places("delassus", "response", "slope", "stored"),
     ]
 
@@ -279,44 +277,9 @@ class LawRun:
 
     # ------------------------------------------------------------------ answers
 
-    def springs(self, relax: Callable[[Instant], tuple[Array, Array]], decide: Callable[[Instant, Mode], Mode]) -> None:
-        """Have Jenkins friction decided, too.
-
-        Parameters
-        ----------
-        relax : returns the states behind what gives way, and the energy (laws,) that it costs
-        decide : returns the mode with what it does in it
-        """
-
-        def relaxed(_: int, x: int, moved: int, lost: int) -> int:
-            def work() -> None:
-                states, energy = relax(self._instant(x))
-                doubles(moved, self.states)[:] = states
-                doubles(lost, self.n)[:] += energy
-
-            return self._answers.answer(work)
-
-        def decided(_: int, x: int) -> int:
-            def work() -> None:
-                own = self.data.next
-                kinds = {"closed": bool, "direction": np.int64, "implied": bool, "push": float}
-                views = {name: self._view(getattr(own, name), self.n, kind) for name, kind in kinds.items()}
-                found = decide(self._instant(x), Mode(**{name: v.copy() for name, v in views.items()}))
-                for name, view in views.items():
-                    view[:] = getattr(found, name)
-
-            return self._answers.answer(work)
-
-        hooks = _RELAX(relaxed), _DECIDE(decided)
-        self._kept.append(hooks)
-        self.data.k.relax, self.data.k.decide = (ctypes.cast(h, _PLACE).value for h in hooks)
-
-    def _instant(self, x: int) -> Instant:
-        return self.kinematics.at(self.time, doubles(x, self.states).copy())
-
-    def _values(self, _: int, t: float, x: int, found: int) -> int:
+    def _values(self, _: int, t: float, x: int, mode: int | None, found: int) -> int:
         def work() -> None:
-            row = self.kinematics.row(t, doubles(x, self.states).copy())
+            row = self.kinematics.row(t, doubles(x, self.states).copy(), mode)
             doubles(found, len(row))[:] = row
 
         return self._answers.answer(work)

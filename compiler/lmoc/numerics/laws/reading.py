@@ -50,7 +50,7 @@ def _in_mode(
 
     def evaluate(times: Array, states: Array, known: Array | None = None) -> Array:
         found = read(times, states)
-        value = np.zeros((len(times), 5, n))
+        value = np.zeros((len(times), 6, n))
         value[:, present] = found[:, : int(present.sum())]
         motion = np.where(has_gap, value[:, 0], value[:, 1])
         return np.concatenate([motion, value[:, 1], found[:, -n:], value[:, 4]], axis=1)
@@ -60,7 +60,7 @@ def _in_mode(
 
 def reading_registers(kinematics: ContactKinematics) -> NDArray[np.int64]:
     """Return the registers of motions, rates, forces and sticking limits; any one in place of those that are none."""
-    gap, rate, _, _, stick = kinematics.registers
+    gap, rate, _, _, stick, _ = kinematics.registers
     motion = np.where(gap >= 0, gap, rate)
     found = np.concatenate([motion, rate, kinematics.force, stick])
     return np.where(found >= 0, found, found.max())

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lmoc.ir.law import JENKINS, Switched
+from lmoc.ir.law import Switched
 from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
-from lmoc.numerics.laws.instant import ContactKinematics, Instant
-from lmoc.numerics.laws.jenkins import Relaxed, decide, relax
+from lmoc.numerics.laws.instant import ContactKinematics
 from lmoc.numerics.laws.law_run import CHATTERS, GAP_JUMPS, NO_END, LawRun
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.observe.event import Event
@@ -58,8 +57,6 @@ class LawSwitching:
         self.run = LawRun(self.kinematics, self.ledger, moment)
         self._mode: Mode = self.run.mode
         self._signals: tuple[Mode, dict[int, Signal]] | None = None
-        if (self.kinematics.table.degree == JENKINS).any():
-            self._with_springs()
 
     # ------------------------------------------------------------------ the mode as values
 
@@ -305,18 +302,6 @@ class LawSwitching:
                 )
             )
         return events
-
-    def _with_springs(self) -> None:
-        """Have friction between springs give way and decide."""
-        kept: list[Relaxed] = []
-
-        def give_way(now: Instant) -> tuple[Array, Array]:
-            run = self.run
-            before = Mode(run.is_.copy(), run.direction.copy(), run.implied & run.is_, run.push.copy())
-            kept[:] = [relax(self.kinematics, now, before, run.opening, run.turning)]
-            return kept[0].now.x, kept[0].lost
-
-        self.run.springs(give_way, lambda now, mode: decide(self.kinematics, kept[0].behind(now), mode))
 
 
 def all_open(form: Switched) -> dict[int, Signal]:

@@ -51,8 +51,8 @@ def write_laws(
     form, flat = plan.reduced.switched, plan.reduced.flat
     assert form is not None
     rows = law_rows(flat, form.laws)
-    found = places.of_variables(quantities_of(plan, form, form.degree).variables.ravel()).reshape(5, -1)
-    gap, rate, _, _, stick = found
+    found = places.of_variables(quantities_of(plan, form, form.degree).variables.ravel()).reshape(6, -1)
+    gap, rate, _, _, stick, _ = found
     motion = np.where(gap >= 0, gap, rate)
     read = np.concatenate([motion, rate, plan.reduced.register_of[form.force], stick])
     data: dict[str, Any] = {
@@ -72,7 +72,7 @@ def write_laws(
 def _tables(
     plan: Plan, signals: Mapping[int, Signal], places: VariableRegisters, found: np.ndarray, read: np.ndarray
 ) -> LawTables:
-    form, register = plan.reduced.switched, plan.reduced.register_of
+    form = plan.reduced.switched
     assert form is not None
     own = FreeDynamics(plan, signals, own=False)
     limits = own.quantities.variables[4]
@@ -86,8 +86,7 @@ def _tables(
             np.isin(kinds, [k.value for k in COMPLEMENTARY]), kinds == LawKind.DRY_FRICTION.value,
             kinds == LawKind.CONTACT_FRICTION.value, scene.linear[1], scene.curved, plan.held < 0, plan.ledger,
             (limits != NONE) & (kind[limits] <= Kind.PARAMETER), places.of_variables(_restitution(form)),
-            found, read, register[form.closed], own.push,
-            np.where(form.direction == NONE, -1, register[form.direction]), plan.held,
+            found, read, own.inputs, plan.held,
         ),
     )  # fmt: skip
 

@@ -14,7 +14,6 @@ import numpy as np
 from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import ONE, TIME, ZERO, if_, slot
 from lmoc.ir.flat import Assignments, FlatDAE, Kind
-from lmoc.ir.law import JENKINS
 from lmoc.ir.program import Apply, Program, Step, read, written
 from lmoc.numerics.observe.event import STEP
 from lmoc.numerics.observe.observer import Observer
@@ -115,8 +114,6 @@ def _check(trajectory: Trajectory) -> None:
         raise NotWritten("the equations of the start determine when it samples, which the page does not compute")
     if trajectory.stats.get("solver") == MOREAU:
         raise NotWritten("the run takes steps of equal length with impulses, which the page does not compute")
-    if reduced.switched is not None and (reduced.switched.degree == JENKINS).any():
-        raise NotWritten("friction has springs alone around it, whose switching the page does not compute")
     if any(e.kind == STEP for e in trajectory.events):
         raise NotWritten("a step of what is prescribed makes velocities jump, which the page does not compute")
     changes = any(p.reduced is not reduced for p in trajectory.segments)
