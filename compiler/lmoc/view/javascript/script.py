@@ -201,7 +201,7 @@ class _Scene:
         data = {
             "code": b64encode(code).decode(),
             "programs": numbers,
-            "base": _numbers(base),
+            "base": _registers(base),
             "seeds": seeds(self.observer, self.time, self.x),
             "states": plan.states.tolist(),
             "names": [plan.reduced.register_name(int(r)) for r in plan.states],
@@ -264,15 +264,16 @@ class _Scene:
         return ~((a.values(values) == values[a.target]) | (np.isnan(a.values(values)) & np.isnan(values[a.target])))
 
     def _checks(self) -> tuple[Program, list[list]]:
-        """Return what judges the values of parameters, and [register, message] of each judgement."""
-        steps, checks = [], []
+        """Return what judges the values of parameters, and [message, registers] of the judgements."""
+        steps: list[Step] = []
+        checks: dict[str, list[int]] = {}
         for check in self.flat.checks:
             if check.error and len(check.slots) and (self.flat.kind[check.slots] <= Kind.PARAMETER).all():
                 slots = self.of_parameters(check.slots.ravel()).reshape(check.slots.shape)
                 out = self.add(len(slots))
                 steps.append(Apply(if_(check.condition, ONE, ZERO), slots, out))
-                checks += [[r, check.message] for r in out.tolist()]
-        return tuple(steps), checks
+                checks.setdefault(check.message, []).extend(out.tolist())
+        return tuple(steps), [list(own) for own in checks.items()]
 
     # ------------------------------------------------------------------ time
 
@@ -324,6 +325,12 @@ def _read_by_hand(instants: InstantTables | None, laws: LawTables | None) -> lis
 
 def _flat(programs: Programs) -> list[Program]:
     return [one for p in programs.values() for one in (p if isinstance(p, list) else [p])]
+
+
+def _registers(values: np.ndarray) -> dict[str, int | list]:
+    """Return registers by those that have a value."""
+    known = np.flatnonzero(np.isfinite(values))
+    return {"count": len(values), "registers": known.tolist(), "values": values[known].tolist()}
 
 
 def _numbers(values: np.ndarray) -> list[float | None]:

@@ -6,6 +6,7 @@ import re
 from base64 import b64encode
 from functools import cache
 from importlib.resources import files
+from zlib import compress
 
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./([\w.]+)";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(async |)function|class|const)", re.MULTILINE)
@@ -20,8 +21,19 @@ def asset(name: str) -> str:
 
 @cache
 def engine() -> str:
-    """Return the engine in WebAssembly, in base64."""
-    return b64encode((files("lmoc.view.page") / "assets" / "engine.wasm").read_bytes()).decode()
+    """Return the engine in WebAssembly, packed."""
+    return packed((files("lmoc.view.page") / "assets" / "engine.wasm").read_bytes())
+
+
+def packed(data: bytes) -> str:
+    """Return bytes as base64 of what zlib makes of them; `inflate.js` reads it."""
+    return b64encode(compress(data, 9)).decode()
+
+
+@cache
+def worker() -> str:
+    """Return the script of a page's worker, with its engine in it."""
+    return f'{joined("worker.js")}\nserve("{engine()}");\n'
 
 
 @cache

@@ -15,7 +15,7 @@ from lmoc.report.summary import counted, energy_text, stages, times_text
 from lmoc.support.records import dataclass
 from lmoc.support.replacing import replace_file
 from lmoc.view.page.contents import Contents, contents
-from lmoc.view.page.join import asset, engine, joined
+from lmoc.view.page.join import asset, joined, packed, worker
 
 UPLOT = "1.6.32"
 
@@ -57,10 +57,9 @@ class Page:
             "uplot": asset(f"uplot-{UPLOT}.min.js"),
             "uplot-version": UPLOT,
             "licence": escape(asset("uplot-LICENSE.txt")),
-            "data": json_text(found),
+            "data": packed(json_text(found).encode()),
             "script": joined("main.js"),
-            "worker": joined("worker.js"),
-            "engine": engine(),
+            "worker": packed(worker().encode()),
         })  # fmt: skip
 
     def save(self, path: str | Path) -> Path:
@@ -95,9 +94,8 @@ def _filled(template: str, values: dict[str, str]) -> str:
 
 
 def json_text(found: Contents) -> str:
-    """Return JSON that may stand inside of a script element."""
-    text = json.dumps(found.data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
-    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+    """Return the data of a page as JSON."""
+    return json.dumps(found.data, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
 
 
 def system_html(run: Result, own: float | None) -> str:

@@ -12,6 +12,7 @@ import { eventText, modesText, showEvents } from "./events.js";
 import { Forces } from "./forces.js";
 import { listenToFrame, tellFrame } from "./frame.js";
 import { listenToHand } from "./hand.js";
+import { inflatedText } from "./inflate.js";
 import { ModeMotion } from "./modes.js";
 import { extremesOf, Motion, movers } from "./motion.js";
 import { Stage } from "./picture.js";
@@ -25,9 +26,14 @@ const INSTANTS = 200; // at which the picture is looked at for the room that it 
 const STEP = 200; // of these a run is walked through with the arrow keys
 const READ = 100; // ms in which nobody reads another number: while the scene runs, texts stay as long
 
-/** Open the page. `worker` is the script of its own simulation, `terms` are those of the equations, as functions. */
-export function open(data, worker, terms) {
-  return new Page(data, worker, terms);
+/** Open the page. `data` and `worker`, the script of its own simulation, are packed, `terms` are those of the equations, as functions. */
+export async function open(data, worker, terms) {
+  try {
+    return new Page(JSON.parse(await inflatedText(data)), await inflatedText(worker), terms);
+  } catch (failed) {
+    $("trouble").textContent = `The page cannot be opened (${failed}). It needs a browser of 2023 or later.`;
+    throw failed;
+  }
 }
 
 class Page {
@@ -92,6 +98,7 @@ class Page {
 
   withoutEngine(reason) {
     this.engine = null;
+    document.body.removeAttribute("data-busy");
     $("parameters").hidden = true;
     for (const { group } of this.stage?.parts ?? []) group.classList.remove("takes");
     $("hint").textContent = `The sliders are missing: ${reason}.`;

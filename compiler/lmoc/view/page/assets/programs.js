@@ -4,12 +4,7 @@ import { decodeBytes } from "./answer.js";
 
 const FAILED = 1; // a bit of what a program returns: a nonlinear block has no solution
 
-/** The engine from its base64 text, from which any number of scenes can be made. */
-export function compiledEngine(text) {
-  return new WebAssembly.Module(decodeBytes(text));
-}
-
-/** `w` are the registers; `x`, `answer` and `atol` are as long as the state. */
+/** `engine` is compiled; `w` are the registers; `x`, `answer` and `atol` are as long as the state. */
 export class Programs {
   constructor(engine, code, stateCount) {
     const host = { values: (count, times, values) => this.giveValues(count, times, values) };

@@ -8,7 +8,12 @@ const MET = 1e-6; // of the size of a start value: by how much it may be missed
 const BISECTIONS = 60;
 const SHORTEST = 1 / 64; // part of the way to other parameters on which a start is solved
 
-const numbers = (list) => Float64Array.from(list, (v) => (v === null ? NaN : v));
+/** Registers from the values of those that have one at the beginning. */
+function registersOf({ count, registers, values }) {
+  const found = new Float64Array(count).fill(NaN);
+  registers.forEach((register, k) => (found[register] = values[k]));
+  return found;
+}
 
 /** Programs as functions of (time) that tell whether they were solved, and lists of such, by their names. */
 function functionsOf(programs, places) {
@@ -21,8 +26,9 @@ export class Scene {
   constructor(data, engine) {
     this.data = data;
     this.programs = new Programs(engine, data.code, data.states.length);
-    this.w = this.programs.w.subarray(0, data.base.length);
-    this.w.set(numbers(data.base));
+    this.base = registersOf(data.base);
+    this.w = this.programs.w.subarray(0, this.base.length);
+    this.w.set(this.base);
     this.functions = functionsOf(this.programs, data.programs);
     this.dynamics = null;
     const others = (data.choices ?? []).map((own) => new Scene(own, engine));
@@ -53,8 +59,8 @@ export class Scene {
 
   /** Why the parameter values of the last start are none that the model allows; "" where they are. */
   refused() {
-    const broken = this.data.checks.find(([register]) => this.w[register] === 0);
-    if (broken !== undefined) return broken[1];
+    const broken = this.data.checks.find(([, registers]) => registers.some((register) => this.w[register] === 0));
+    if (broken !== undefined) return broken[0];
     if (this.missed === undefined) return "";
     return `the start value of ${this.missed[2]} contradicts others, and the page does not compute their compromise`;
   }
@@ -62,7 +68,7 @@ export class Scene {
   /** Take parameter values, [[slot, value], …]. */
   put(changed) {
     const { w, data } = this;
-    w.set(numbers(data.base));
+    w.set(this.base);
     this.seed();
     for (const [slot, value] of changed) w[slot] = value;
     this.programs.forget();
@@ -122,12 +128,12 @@ export class Scene {
 
   /** The start on the way from the model's own parameters, at which it is known. */
   approachStart(changed) {
-    const { data, w, programs, functions } = this;
+    const { data, base, w, programs, functions } = this;
     const registers = [...data.states, ...data.seeds.map(([register]) => register)];
     let near = [...data.x, ...data.seeds.map(([, value]) => value)];
     for (let reached = 0, length = 0.5; reached < 1; ) {
       const goal = Math.min(1, reached + length);
-      for (const [slot, value] of changed) w[slot] = data.base[slot] + goal * (value - data.base[slot]);
+      for (const [slot, value] of changed) w[slot] = base[slot] + goal * (value - base[slot]);
       registers.forEach((register, k) => (w[register] = near[k]));
       programs.forget();
       functions.parameters(NaN);

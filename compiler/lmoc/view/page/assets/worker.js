@@ -2,7 +2,7 @@
 
 import { difference, parting, revived } from "./answer.js";
 import { Motion } from "./motion.js";
-import { compiledEngine } from "./programs.js";
+import { inflatedBytes } from "./inflate.js";
 import { gripAt } from "./grip.js";
 import { Pull, pullsOf } from "./pull.js";
 import { reach } from "./reach.js";
@@ -11,16 +11,14 @@ import { Repeater } from "./repeat.js";
 const TENTH = 0.1; // factor on the tolerances of the run that tells how accurate another one is
 const VISIBLE = 1e-3; // of the largest value: what can be seen in a plot
 
-/** Answer the requests of a page; `engine` is its text. */
+/** Answer the requests of a page; `engine` is the engine's text, packed. */
 export function serve(engine) {
+  const compiled = inflatedBytes(engine).then((bytes) => new WebAssembly.Module(bytes));
   let work = null;
-  onmessage = ({ data }) => {
-    if (work === null) {
-      work = new Work(data, compiledEngine(engine));
-      return;
-    }
+  onmessage = async ({ data }) => {
     try {
-      postMessage({ result: work[data.kind](data.body) });
+      if (work === null) work = compiled.then((module) => new Work(data, module));
+      else postMessage({ result: (await work)[data.kind](data.body) });
     } catch (failed) {
       postMessage({ error: String(failed.stack ?? failed) });
     }
