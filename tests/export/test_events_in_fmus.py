@@ -72,8 +72,10 @@ end Fall;
 SWITCHED = """
 model Switched "a block whose equations change"
   output Real u, i, x(start = 0, fixed = true);
+  output Integer n(start = 0, fixed = true) "comes to rest at the start alone";
   Boolean closed = time < 1;
 equation
+  n = if pre(n) < 3 then pre(n) + 1 else 3;
   if closed then u = 0; else i = 0; end if;
   1 = 2*i + x + u;
   der(x) = i;

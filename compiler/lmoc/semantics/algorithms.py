@@ -19,11 +19,12 @@ from lmoc.semantics.drafts.draft import Drafts, equality
 from lmoc.semantics.events.whens import ASSIGNED, WhenEquation, both, guarded_check
 from lmoc.semantics.mistakes.wrong import Exhausted, Wrong
 from lmoc.semantics.nodes.instance import Instance, Variable
+from lmoc.semantics.nodes.records import field_of
 from lmoc.semantics.values.algorithms import Algorithm
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.formals import LocalVariable
 from lmoc.semantics.values.functions import call_all
-from lmoc.semantics.values.reference import all_subscripts, named_variable
+from lmoc.semantics.values.reference import all_subscripts, named_node, named_variables
 from lmoc.semantics.values.translate import choose, continuous, sizes_differ
 from lmoc.semantics.values.value import Value, number, stack
 from lmoc.support.records import dataclass
@@ -64,8 +65,7 @@ def assigned_at_events(context: Context, statements: Statements) -> Iterator[tup
         calls = [n.call for n in walk((when,)) if isinstance(n, tree.CallStatement)]
         refs += [("state", c.arguments[0]) for c in calls if str(c.function) == "reinit" and c.arguments]
         for what, ref in refs:
-            variable = named_variable(context, ref) if isinstance(ref, tree.Ref) else None
-            if variable is not None:
+            for variable in named_variables(context, ref) if isinstance(ref, tree.Ref) else ():
                 yield what, variable
 
 
@@ -118,9 +118,11 @@ class _Section(Algorithm):
     # ------------------------------------------------------------------ what is assigned
 
     def _begin(self, ref: tree.Ref) -> None:
-        """Give a variable the value with which the section begins."""
+        """Give a variable, or those of a record, the value with which the section begins."""
+        for one in self._fields(ref):
+            self._begin(field_of(ref, one))
         name = _name(ref)
-        if name in self.targets:
+        if name in self.targets or self._fields(ref):
             return
         variable = self._variable(ref)
         if variable.known or variable.kind == Kind.INPUT:
@@ -134,10 +136,15 @@ class _Section(Algorithm):
         self.context.assigned = frozenset(self.targets)
 
     def _variable(self, ref: tree.Ref) -> Variable:
-        variable = named_variable(self.context, ref)
-        if variable is None:
+        variable = named_node(self.context, ref)
+        if not isinstance(variable, Variable):
             raise Wrong("E0201", f"there is no variable '{_name(ref)}' here", ref.span)
         return variable
+
+    def _fields(self, ref: tree.Ref) -> tuple[str, ...]:
+        """The fields of the record that a reference names; none of what is no record."""
+        node = named_node(self.context, ref)
+        return tuple(node.children) if isinstance(node, Instance) and node.kind == "record" else ()
 
     def _earlier(self, value: Value, variable: Variable, span: Span) -> Value:
         """The value before the section: `pre` of a discrete variable, the start value of another one."""
@@ -163,6 +170,14 @@ class _Section(Algorithm):
         return float(value.expr.value)
 
     def _store(self, target: tree.Ref, value: Value, span: Span) -> None:
+        fields = self._fields(target)
+        if fields:
+            if set(value.fields or ()) != set(fields):
+                raise Wrong("E0301", f"'{target}' is a record with other fields", span, expected=", ".join(fields),
+                            found=", ".join(value.fields or (value.type,)))  # fmt: skip
+            for one in fields:
+                self._store(field_of(target, one), value.fields[one], span)
+            return
         name = _name(target)
         variable = self.declared[name]
         if value.type != variable.type and (variable.type, value.type) != ("Real", "Integer"):

@@ -52,7 +52,7 @@ from lmoc.semantics.values import texts as _texts  # noqa: F401  registers Strin
 from lmoc.semantics.values import variable_subscripts as _names  # noqa: F401  registers that of names
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.helpers import WEIGHT
-from lmoc.semantics.values.reference import named_variable
+from lmoc.semantics.values.reference import named_variables
 from lmoc.sources.packages import Folder
 from lmoc.support.distinct import distinct
 from lmoc.syntax import tree
@@ -254,7 +254,7 @@ class _Flattening:
             for scope in instance.cls.lineage():
                 context = Context(self.model, instance, scope)
                 found = (
-                    *mark(context, scope.definition.equations, named_variable),
+                    *mark(context, scope.definition.equations, named_variables),
                     *assigned_at_events(context, scope.definition.statements),
                 )
                 for what, variable in found:

@@ -318,7 +318,8 @@ static int begin_discrete(fmu *f, int for_good) {
   }
   if (m->initial >= 0) e->v[m->initial] = 0;
   lmoc_remember(e);
-  if ((found = lmoc_solve_instant(e, f->x))) return found == LMOC_UNSETTLED ? fmu_unsettled(f) : found;
+  found = for_good ? lmoc_event(e, f->x) : lmoc_solve_instant(e, f->x);
+  if (found) return found == LMOC_UNSETTLED ? fmu_unsettled(f) : found;
   lmoc_remember(e);
   e->literal = 0;
   fmu_changed(f);

@@ -58,7 +58,8 @@ SYNTAX: dict[str, Entry] = {
     ),
     "E0110": Entry(
         "a keyword as a name",
-        "The keywords of the language cannot be names. In single quotes they can: 'flow'.",
+        "The keywords of the language cannot be names. In single quotes they can: 'flow'. Nor can 'time',\n"
+        "'Real', 'Integer', 'Boolean' and 'String', which mean the same everywhere.",
         "model A\n  Real flow = 1;\nend A;",
     ),
     "E0111": Entry(

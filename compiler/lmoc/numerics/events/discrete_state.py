@@ -354,24 +354,12 @@ class DiscreteState:
         """Return the discrete values with which the last round of an event began, (discrete,)."""
         return self._instant.history[BEGUN].copy()
 
-    def solve(self, t: float, x: np.ndarray) -> None:
-        """Find discrete values that agree with the continuous ones.
-
-        Solved in turn, as long as that leads somewhere. Where the values repeat each other (a friction that would start
-        forward if it were stuck, and backward if it slid), those of the relations that flip are tried.
-
-        Raises
-        ------
-        Unsettled
-        """
-        self.push()
-        self._inputs(t)
-        self.time = t
-        self._judge(self._instant.call("lmoc_solve_instant", x))
-        self.push()
-
     def event(self, t: float, x: np.ndarray, begin: Callable[[], object]) -> Happened:
         """Carry out everything that happens at an instant.
+
+        Discrete values and continuous ones are solved in turn, as long as that leads somewhere. Where the values repeat
+        each other (a friction that would start forward if it were stuck, and backward if it slid), those of the
+        relations that flip are tried.
 
         Parameters
         ----------

@@ -175,8 +175,10 @@ class EventHandler:
         self._flag(events.initial, 0.0)
         discrete.remember()
         x = x if moved is None else moved
-        self._guarded(lambda: discrete.solve(self.begin, x), self.begin)
-        return x
+        happened = self._guarded(lambda: discrete.event(self.begin, x, lambda: None), self.begin)
+        self._report(self.begin, "when", happened, discrete.v[self._told].copy(), 0.0)
+        self._warn_of_lost(self.begin)
+        return happened.x
 
     def _initial_equations(self, first: bool = False) -> None:
         """Discrete variables with an equation at the start have had that value, and have it where no `when` gives more.
@@ -297,11 +299,8 @@ class EventHandler:
         lost = self._energy(t, x, happened)
         count = self.layout.plan.count  # behind them are zero functions, which are no part of the motion
         behind = self.step(t, happened.x, base[:count], discrete.base[:count])
-        self._tell(t, kind, happened, held, lost)
-        self._judge(t, happened)
         self._warn_of_lost(t)
-        for k in happened.terminations:
-            raise Stopped(Status.OK, events.terminations[k].message)
+        self._report(t, kind, happened, held, lost)
         return behind
 
     def _energy(self, t: float, x: np.ndarray, happened: Happened) -> float:
@@ -328,6 +327,13 @@ class EventHandler:
             raise Stopped(Status.UNSETTLED, wrong.reason(self.layout)) from None
 
     # --------------------------------------------------------------------- what is reported
+
+    def _report(self, t: float, kind: str, happened: Happened, held: np.ndarray, lost: float) -> None:
+        """Record what has happened, warn of assertions, and stop where that is an end; `held` as of `_tell`."""
+        self._tell(t, kind, happened, held, lost)
+        self._judge(t, happened)
+        for k in happened.terminations:
+            raise Stopped(Status.OK, self.layout.events.terminations[k].message)
 
     @property
     def _told(self) -> np.ndarray:
@@ -379,7 +385,8 @@ class EventHandler:
         names = [flat.variable_name(int(v)) for v in unsettled.variables[:3]]
         spans = [flat.block_at(int(v)).span for v in unsettled.variables[:3]]
         places = " and ".join(dict.fromkeys(where(n, s) for n, s in zip(names, spans, strict=True)))
-        reason = f"no values satisfy all equations at t = {t:g} s: {places} changes again and again"
+        do = "changes" if len(names) == 1 else "change"
+        reason = f"no values satisfy all equations at t = {t:g} s: {places} {do} again and again"
         return Stopped(Status.UNSETTLED, reason)
 
 

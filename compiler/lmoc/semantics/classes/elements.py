@@ -13,6 +13,7 @@ from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.syntax import tree
 
 Table = dict[str, Member | Place]
+RESERVED = ("time", "Real", "Integer", "Boolean", "String")  # names with one meaning in all classes (4.8, 3.6.7)
 Layer = tuple[dict[str, list[tree.Argument]], Place]  # arguments by the name they modify, and where they are written
 
 
@@ -73,6 +74,9 @@ def _redeclared(scope: Place, found: Place, name: str, layers: list[Layer]) -> P
 
 def _declare(scope: Place, table: Table, member: Member) -> None:
     name = member.component.name
+    if name in RESERVED and member.scope is scope:
+        _refuse(scope, name, member.component.name_span)
+        return
     old = table.get(name)
     if old is None:
         table[name] = member
@@ -86,7 +90,14 @@ def _declare(scope: Place, table: Table, member: Member) -> None:
     _twice(scope, name, old, member.component.name_span)
 
 
+def _refuse(scope: Place, name: str, place: Span) -> None:
+    scope.report.error("E0110", f"'{name}' has a meaning everywhere and cannot be a name", place)
+
+
 def _define(scope: Place, table: Table, inner: Place) -> None:
+    if inner.name in RESERVED and inner.parent is scope:
+        _refuse(scope, inner.name, inner.definition.name_span)
+        return
     old = table.get(inner.name)
     same = old is not None and not isinstance(old, Member) and old.definition.span.text == inner.definition.span.text
     if old is None or same and old.definition is inner.definition:

@@ -8,7 +8,7 @@ flow. A port of a part inside adds one unknown and one equation, whether it is c
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import prod
 
 import numpy as np
@@ -18,7 +18,7 @@ from lmoc.messages.diagnostics import Label, Report
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.connections.components import components
-from lmoc.semantics.connections.connect import Connections, Edges
+from lmoc.semantics.connections.connect import Connections, Edges, owner_of
 from lmoc.semantics.connections.overdetermined import constraint_of, residues
 from lmoc.semantics.drafts.draft import Drafts
 from lmoc.semantics.nodes.instance import Instance, Variable
@@ -34,7 +34,7 @@ def check_connectors(instances: Sequence[Instance], model: Model) -> None:
         if not instance.connector or instance.expandable or id(instance.cls) in seen:
             continue
         seen.add(id(instance.cls))
-        own = [v for v in instance.children.values() if isinstance(v, Variable) and v.kind > Kind.PARAMETER]
+        own = [v for v in _without_constraint(instance) if v.kind > Kind.PARAMETER]
         size = [prod(v.total[len(instance.total) :]) for v in own]
         flows = sum(n for v, n in zip(own, size) if v.flow)
         potentials = sum(n for v, n in zip(own, size) if not v.flow and not v.causality)
@@ -49,6 +49,15 @@ def check_connectors(instances: Sequence[Instance], model: Model) -> None:
                 instance.cls.definition.name_span,
                 expected="as many flows as potentials",
             )
+
+
+def _without_constraint(node: Instance) -> Iterator[Variable]:
+    """The variables of a connector, and of records in it that are not overdetermined."""
+    for child in node.children.values():
+        if isinstance(child, Variable):
+            yield child
+        elif isinstance(child, Instance) and child.kind == "record" and constraint_of(child) is None:
+            yield from _without_constraint(child)
 
 
 class _Count:
@@ -150,10 +159,11 @@ def _count_connections(counts: dict[int, _Count], connections: Connections) -> N
     owner = np.array([id(c.node) for c in connections.connects], object)
     flows = defaultdict(list)
     edges = connections.through
-    for ends in (edges.left, edges.right):
+    for ends, side in ((edges.left, "left"), (edges.right, "right")):
         inside = ends >= connections.count
         for k in distinct(edges.connect[inside]):
-            flows[owner[k]].append(ends[inside & (edges.connect == k)])
+            node = owner_of(getattr(connections.connects[k], side))  # another one where an outer declaration brings it
+            flows[id(node)].append(ends[inside & (edges.connect == k)])
     for node, ends in flows.items():
         counts[node].equations += len(distinct(np.concatenate(ends)))
     signals = defaultdict(list)

@@ -145,21 +145,33 @@ def _variables(leaf: Variable, end: InstanceNode, elements: np.ndarray) -> np.nd
 
 def _seen_from_inside(end: InstanceNode, draft: ConnectDraft) -> bool:
     """Return whether it is a connector of the class that contains the connect (an "outside connector", 9.1.2)."""
-    top = end
-    while top.parent is not None and top.parent.kind in ("connector", "record"):
-        top = top.parent
+    top = _top(end)
     if top.parent is draft.node:
         return True
     around: Instance | None = draft.node
     if top.parent is not None and top.parent.parent is draft.node:
         return False
-    while around is not None:  # a port of an inner part, which an outer declaration has brought here
+    while around is not None:  # brought here by an outer declaration: a port of an inner part, or an inner connector
+        if top.parent is around:
+            return True
         if top.parent is not None and top.parent.parent is around:
             return False
         around = around.parent
     raise Wrong(
         "E0313", f"'{end.label}' is too deep inside: a connect reaches the ports of parts, no further", draft.span
     )
+
+
+def _top(end: InstanceNode) -> InstanceNode:
+    """The connector that is a port or stands alone, of which an end is an element or which it is."""
+    while end.parent is not None and end.parent.kind in ("connector", "record"):
+        end = end.parent
+    return end
+
+
+def owner_of(end: InstanceNode) -> Instance:
+    """The instance in whose class the connector of an end is declared."""
+    return _top(end).parent
 
 
 def _gives_signal(variable: Variable, inside: bool) -> bool:
@@ -190,6 +202,9 @@ def _pair(a: Variable, b: Variable, draft: ConnectDraft) -> Iterator[tuple[Varia
     inner = [v.total[len(e.total) :] for v, e in ((a, draft.left), (b, draft.right))]
     if inner[0] != inner[1]:
         raise _mismatch(draft, f"'{a.name}' differs in size")
+    types = a.type, b.type
+    if types[0].name != types[1].name and (not types[0].literals or types[0].literals != types[1].literals):
+        raise _mismatch(draft, f"'{a.name}' is {types[0].name} in one of them, {types[1].name} in the other")
     units = unit_of(a), unit_of(b)
     if None not in units and not units[0].same_as(units[1]):
         raise Wrong("E0303", f"'{a.label}' and '{b.label}' have different units", draft.span,

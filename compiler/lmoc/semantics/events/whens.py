@@ -200,13 +200,22 @@ class WhenEquation:
             raise Wrong("E0253", "in a 'when' a variable is alone on the left", left.span,
                         expected="variable = expression", found=left.span.text)  # fmt: skip
         target = context.value(left)
+        self._equate(context, target, value, left.span, guard, span)
+
+    def _equate(self, context: Context, target: Value, value: Value, place: Span, guard: Expr, span: Span) -> None:
+        """One assignment, of a record field by field; `place` is where its target is written."""
         if target.dims != value.dims:
             raise sizes_differ("the two sides", target.dims, value.dims, span)
-        if target.type != value.type and (target.type, value.type) != ("Real", "Integer"):
+        if target.fields is not None and value.fields is not None and set(target.fields) == set(value.fields):
+            for name, field in target.fields.items():
+                self._equate(context, field, value.fields[name], place, guard, span)
+            return
+        if target.fields or value.fields or target.type != value.type and (
+            target.type, value.type) != ("Real", "Integer"):  # fmt: skip
             raise Wrong("E0301", f"{target.type} cannot equal {value.type}", span, expected=target.type,
                         found=value.type)  # fmt: skip
         for t, v in _pairs(context, target, value):
-            self._case(context, t, v, guard, left.span)
+            self._case(context, t, v, guard, place)
 
     def _case(self, context: Context, target: Value, value: Value, guard: Expr, span: Span) -> None:
         leaf = context.leaves[target.expr.value[0]] if target.expr.op == "slot" else None
@@ -345,7 +354,7 @@ def _or(a: Expr, b: Expr) -> Expr:
 
 
 def mark(context: Context, equations: tuple[tree.Equation, ...], find) -> Iterator[tuple[str, Variable]]:
-    """The variables that when-equations assign ("discrete") or reinit ("state"); `find` gives that of a reference."""
+    """The variables that when-equations assign ("discrete") or reinit ("state"); `find` gives those of a reference."""
     for e in equations:
         if isinstance(e, tree.When):
             for _, body in e.branches:
@@ -375,6 +384,5 @@ def _marks(context: Context, body: tuple[tree.Equation, ...], find) -> Iterator[
             continue
         for what, item in pairs:
             if isinstance(item, tree.Ref):
-                variable = find(context, item)
-                if variable is not None:
+                for variable in find(context, item):
                     yield what, variable

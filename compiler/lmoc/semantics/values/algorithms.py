@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import field
 
 import numpy as np
 
@@ -69,6 +70,7 @@ class Algorithm:
     call_all: Callable[[Context, tree.Call], list[Value]]
 
     default: Callable[[Member], Value | None]
+    loops: list[tree.Statement] = field(default_factory=list)  # around the statement that is being carried out
 
     def run(self) -> None:
         """Carry it out, on `values`."""
@@ -134,6 +136,8 @@ class Algorithm:
         elif isinstance(s, tree.Return):
             raise _Return
         elif isinstance(s, tree.Break):
+            if not self.loops:
+                raise Wrong("E0252", "'break' ends a loop, and there is none around it", s.span)
             raise _Break
         elif isinstance(s, tree.CallStatement) and str(s.call.function) == "assert":
             self._assert(s)
@@ -373,6 +377,7 @@ class Algorithm:
             raise Wrong("E0222", f"the loop over '{index.name}' is too long to unroll", index.span)
         hidden = self.values.get(index.name)
         around = self.values.pop(_BROKEN, None)
+        self.loops.append(s)
         for x in numbers:
             self.context.model.rounds.spend(1, index.span)
             self.values[index.name] = number(x, type_)
@@ -380,6 +385,7 @@ class Algorithm:
                 self._round(s, k + 1)
             except _Break:
                 break
+        self.loops.pop()
         self.values.pop(_BROKEN, None)
         if around is not None:
             self.values[_BROKEN] = around
@@ -400,6 +406,13 @@ class Algorithm:
 
     def _while(self, s: tree.WhileStatement) -> None:
         self.values.update({name: self._in_numbers(value, s.condition.span) for name, value in self.values.items()})
+        self.loops.append(s)
+        try:
+            self._repeat(s)
+        finally:
+            self.loops.pop()
+
+    def _repeat(self, s: tree.WhileStatement) -> None:
         for _ in range(MAX_ITERATIONS):
             self.context.model.rounds.spend(1, s.condition.span)
             condition = self.context.value(s.condition)

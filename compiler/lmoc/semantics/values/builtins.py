@@ -110,7 +110,13 @@ def _two_arguments(context: Context, call: tree.Call) -> Value:
 @builtin("min", "max")
 def _extreme(context: Context, call: tree.Call) -> Value:
     name = call.function.parts[0].name
-    values = numbers(context, call, 1, 2)
+    values = arguments(context, call, 1, 2)
+    for value, place in zip(values, call.arguments):
+        if value.type in ("String", "Boolean") or value.type != values[0].type:
+            need_number(value, place.span)
+            need_number(values[0], call.arguments[0].span)
+        if isinstance(place, tree.Comprehension) and len(value.dims) > len(place.indices):
+            raise Wrong("E0302", f"'{name}' takes single values", place.span, found="an array")
     warn_kink(context, f"{name}(…)", call.span, *values)
     if len(values) == 2:
         x, y = values
@@ -340,27 +346,46 @@ def _transpose(context: Context, call: tree.Call) -> Value:
 # ---------------------------------------------------------------------------- reductions
 
 
-def _reduced(context: Context, call: tree.Call) -> Value:
-    """The array in ``sum(array)``, ``sum(e for i in r)`` and the same for products."""
+def _reduced(context: Context, call: tree.Call) -> tuple[Value, int]:
+    """The array in ``sum(array)``, ``sum(e for i in r)`` and the same for products; how many of its axes are e's."""
+    own = 0
     if len(call.arguments) == 1 and isinstance(call.arguments[0], tree.Comprehension):
         array = comprehension(context, call.arguments[0])
+        own = len(array.dims) - len(call.arguments[0].indices)
     else:
         (array,) = arguments(context, call, 1)
     need_number(array, call.span)
-    return array
+    return array, own
 
 
 @builtin("sum")
 def _sum(context: Context, call: tree.Call) -> Value:
-    array = _reduced(context, call)
+    array, own = _reduced(context, call)
+    if own > 0:
+        return _sum_of_arrays(context, array, own)
     if changes(context, array) and context.model.long_sums.fits(context, array):
         return context.model.long_sums.add(context, array, call.span)
     return Value(context.arrays.fold(dag.add, array, dag.ZERO), (), array.type)
 
 
+def _sum_of_arrays(context: Context, array: Value, own: int) -> Value:
+    """The sum over the first axes of an array, element by element of the last ones."""
+    while len(array.dims) > own:
+        items = context.arrays.elements(array)
+        if not items:
+            return _filled(number(0, array.type), list(array.dims[-own:]))
+        total = items[0]
+        for item in items[1:]:
+            total = context.arrays.map(dag.add, total, item, type=array.type)
+        array = total
+    return array
+
+
 @builtin("product")
 def _product(context: Context, call: tree.Call) -> Value:
-    array = _reduced(context, call)
+    array, own = _reduced(context, call)
+    if own > 0:
+        raise Wrong("E0302", "'product' takes single values", call.span, found="an array")
     return Value(context.arrays.fold(dag.mul, array, dag.ONE), (), array.type)
 
 

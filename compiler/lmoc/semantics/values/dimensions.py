@@ -7,6 +7,7 @@ from typing import NamedTuple
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import Builtin
 from lmoc.semantics.classes.resolve import resolve
+from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.values.context import Context
 from lmoc.syntax import tree
@@ -25,12 +26,17 @@ class DimensionType(NamedTuple):
 
 def dimension_type(context: Context, expression: tree.Expression) -> DimensionType | None:
     """Return the enumeration, or Boolean, that an expression names; None where it is a value."""
+    if not isinstance(expression, tree.Ref) or not expression.absolute and expression.parts[0].name in context.names:
+        return None
+    return type_of_dimension(context.scope, expression)
+
+
+def type_of_dimension(scope: Scope, expression: tree.Expression) -> DimensionType | None:
+    """As `dimension_type`, in a declaration of a class."""
     if not isinstance(expression, tree.Ref) or any(part.subscripts for part in expression.parts):
         return None
-    if not expression.absolute and expression.parts[0].name in context.names:
-        return None
     try:
-        found = context.scope.meaning(expression)
+        found = scope.meaning(expression)
         base = None if isinstance(found, Member) else resolve(found).base
     except Wrong:
         return None  # no class: it is said where its value is needed

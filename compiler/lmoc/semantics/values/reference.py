@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,7 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.mistakes.wrong import NoElement, NotAlike, NotKnown, NotKnownSubscript, NotThere, OutOfRange, Wrong
 from lmoc.semantics.nodes.instance import Absent, Broken, Instance, InstanceNode, Variable
 from lmoc.semantics.values.context import Context
+from lmoc.semantics.values.dimensions import type_of_dimension
 from lmoc.semantics.values.rows import Index, align, positions
 from lmoc.semantics.values.value import Value, number, record, stack
 from lmoc.support.records import dataclass
@@ -74,12 +75,21 @@ def reference(context: Context, ref: tree.Ref) -> Value:
             return _field_of_value(context, ref)
     start = find_start(context, ref)
     if isinstance(start, InstanceNode):
-        return located_value(context, locate(context, ref, start), ref.span)
+        value = located_value(context, locate(context, ref, start), ref.span)
+        return _as_assigned(context, str(ref), value) if value.fields is not None and context.assigned else value
     if start is None:
         if first.name == "time" and len(ref.parts) == 1:
             return Value(TIME)
         raise unknown_name(context, ref)
     return _constant(context, start, ref)
+
+
+def _as_assigned(context: Context, name: str, value: Value) -> Value:
+    """A record with what an algorithm has assigned to its fields so far."""
+    if value.fields is None:
+        return context.names[name] if name in context.assigned else value
+    fields = {field: _as_assigned(context, f"{name}.{field}", own) for field, own in value.fields.items()}
+    return record(fields, value.dims, value.type)
 
 
 def _field_of_value(context: Context, ref: tree.Ref, k: int = 0, value: Value | None = None) -> Value:
@@ -141,8 +151,8 @@ def find_start(context: Context, ref: tree.Ref) -> InstanceNode | Member | Scope
     return (context.scope.root if ref.absolute else context.scope).find(name)
 
 
-def named_variable(context: Context, ref: tree.Ref) -> Variable | None:
-    """The variable that a reference names, subscripts apart; None where there is none."""
+def named_node(context: Context, ref: tree.Ref) -> InstanceNode | None:
+    """The variable, record or part that a reference names, subscripts apart; None where there is none."""
     node = find_start(context, ref)
     if not isinstance(node, InstanceNode):
         return None
@@ -151,7 +161,15 @@ def named_variable(context: Context, ref: tree.Ref) -> Variable | None:
             node = step(context, node, part)
     except Wrong:
         return None  # which is reported where the reference is used
-    return node if isinstance(node, Variable) else None
+    return node
+
+
+def named_variables(context: Context, ref: tree.Ref) -> list[Variable]:
+    """The variable that a reference names, or those of the record; none where there are none."""
+    node = named_node(context, ref)
+    if isinstance(node, Instance) and node.kind == "record":
+        return node.variables()
+    return [node] if isinstance(node, Variable) else []
 
 
 # ------------------------------------------------------------------- in the instance tree
@@ -210,11 +228,30 @@ def _subscripts(context: Context, node: InstanceNode, part: tree.RefPart) -> lis
             "E0216", f"'{node.name}' has {count} dimension{'s' * (count != 1)}", part.span,
             expected=expected, found=str(len(part.subscripts)),
         )  # fmt: skip
-    return [subscript(context, s, n, node.name) for s, n in zip(part.subscripts, node.dims)]
+    declared = node.component.dimensions if node.component is not None else ()
+    sizes = (*declared, *(None for _ in range(len(node.dims) - len(declared))))
+    return [
+        subscript(context, s, n, node.name, _counted(node, size))
+        for s, n, size in zip(part.subscripts, node.dims, sizes, strict=True)
+    ]
 
 
-def subscript(context: Context, expression: tree.Expression, length: int, name: str) -> Index | Slice:
-    """Positions from 0 along an axis of this length."""
+def _counted(node: InstanceNode, size: tree.Expression | None) -> Callable[[], str]:
+    """What gives the type whose values count along a dimension that is declared so; nothing where that is not known."""
+
+    def type_() -> str:
+        if size is None or isinstance(size, tree.Colon):
+            return ""
+        literals = type_of_dimension(node.scope, size)
+        return literals.name if literals else "Integer"
+
+    return type_
+
+
+def subscript(
+    context: Context, expression: tree.Expression, length: int, name: str, counted: Callable[[], str] = str
+) -> Index | Slice:
+    """Positions from 0 along an axis of this length; `counted` gives the type of its subscripts where that is known."""
     if isinstance(expression, tree.Colon):
         return Slice(positions((length,)))
     before, context.end = context.end, length
@@ -224,6 +261,9 @@ def subscript(context: Context, expression: tree.Expression, length: int, name: 
         context.end = before
     if value.type == "String" or len(value.dims) > 1:
         raise Wrong("E0301", "a subscript must be an integer", expression.span, found=value.type)
+    if value.type not in ("Integer", "Real") and counted() not in ("", value.type):
+        raise Wrong("E0301", f"'{name}' is not counted by values of this type", expression.span, expected=counted(),
+                    found=value.type)  # fmt: skip
     try:
         numbers = context.known(value, expression.span, "a subscript")
     except NotKnown as wrong:
@@ -298,7 +338,7 @@ def located_value(context: Context, located: Located, span: Span) -> Value:
         kind = "connector" if isinstance(node, Instance) and node.connector else "part"
         raise Wrong("E0301", f"'{node.name}' is a {kind}, not a variable", span)
     if node.type.name == "String":
-        return _string(context, node, span)
+        return _text_at(context, _string(context, node, span), located.axes, span)
     value = Value(context.leaves.slot(node, element_index(context, located)), located.dims, node.type.name)
     return value if node.kind != Kind.INPUT or node.type.name == "Real" else _sampled(context, value)
 
@@ -330,6 +370,25 @@ def _string(context: Context, node: Variable, span: Span) -> Value:
     if node.value is None or node.value.scope is None:
         raise Wrong("E0212", f"the string '{node.name}' has no value", span)
     return context.model.known.binding(node.value)[1]
+
+
+def _text_at(context: Context, value: Value, axes: tuple[Index | Slice, ...], span: Span) -> Value:
+    """The elements of texts along some axes; along those that are more than its own a value is alike."""
+    if not axes:
+        return value
+    axis, own = axes[0], len(axes) <= len(value.dims)
+    if isinstance(axis, Slice):
+        if axis.index.ndim > 1:
+            raise NotAlike("a text", span)
+        places = [int(k) for k in axis.index]
+        items = [context.arrays.element(value, k) if own else value for k in places]
+        return stack([_text_at(context, item, axes[1:], span) for item in items], value.dims[1:], "String")
+    if not own:
+        return _text_at(context, value, axes[1:], span)
+    where = np.asarray(axis)
+    if np.any(where != where.flat[0]):
+        raise NotAlike("a text", span)
+    return _text_at(context, context.arrays.element(value, int(where.flat[0])), axes[1:], span)
 
 
 # --------------------------------------------------------------------------- in packages

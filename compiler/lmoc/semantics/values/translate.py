@@ -102,12 +102,22 @@ def combine(context: Context, e: tree.Binary, left: Value, right: Value) -> Valu
     if op in RELATION:
         return _relation(context, e, left, right)
     if op == "+" and left.type == right.type == "String":
-        return text(left.text + right.text)
+        return _joined(context, e, left, right)
     need_number(left, e.left.span)
     need_number(right, e.right.span)
     if left.dims or right.dims:
         return _array_arithmetic(context, e, left, right)
     return Value(ARITHMETIC[op](left.expr, right.expr), (), _result_type(op, left, right))
+
+
+def _joined(context: Context, e: tree.Binary, left: Value, right: Value) -> Value:
+    """Texts one behind the other, those of arrays element by element."""
+    if left.dims != right.dims:
+        raise sizes_differ("the operands of '+'", left.dims, right.dims, e.span)
+    if not left.dims:
+        return text(left.text + right.text)
+    pairs = zip(context.arrays.elements(left), context.arrays.elements(right), strict=True)
+    return stack([_joined(context, e, a, b) for a, b in pairs], left.dims[1:], "String")
 
 
 def _result_type(op: str, left: Value, right: Value) -> str:

@@ -143,12 +143,13 @@ def _assignments(
 
 
 def _report_unsolved(flat: FlatDAE, e: Assigned, column: np.ndarray, of: np.ndarray, report: Report) -> None:
-    if sides := _sides(e):
+    name = next((flat.variable_name(int(of[v])) for v in e.slots[0] if column[v] >= 0), "")
+    if not name and (sides := _sides(e)):
         name = flat.variable_name(int(of[e.slots[0, sides[0]]]))
         report.error("E0254", f"'{name}' is determined twice", e.span, hint="an equation that always holds gives it")
         return
-    name = next((flat.variable_name(int(of[v])) for v in e.slots[0] if column[v] >= 0), "a variable")
-    report.error("E0423", f"an equation for '{name}' must be solved for it", e.span, expected="variable = expression")
+    what = f"'{name}'" if name else "a variable"
+    report.error("E0423", f"an equation for {what} must be solved for it", e.span, expected="variable = expression")
 
 
 def _sides(e: Assigned) -> list[int]:

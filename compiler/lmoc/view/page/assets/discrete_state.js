@@ -65,12 +65,6 @@ export class DiscreteState {
     this.exports.lmoc_page_assign(this.page);
   }
 
-  /** Find discrete values that agree with the continuous ones. */
-  solve(t, x) {
-    this.programs.switched();
-    this.judge(this.ask("solve", t, x), t);
-  }
-
   /** Relations of time are taken as they are written, not as what they are right behind. */
   set literal(is) {
     this.exports.lmoc_page_literal(this.page, Number(is));

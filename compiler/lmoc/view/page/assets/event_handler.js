@@ -51,8 +51,7 @@ export class EventHandler {
     x = discrete.reinit(begin, x) ?? x;
     this.flag(own.initial, 0);
     discrete.remember();
-    discrete.solve(begin, x);
-    return x;
+    return discrete.event(begin, x, () => {}).x;
   }
 
   flag(register, value) {
