@@ -152,7 +152,7 @@ ol { list-style: none; padding: 0; display: grid; gap: 1rem; }
 ol { grid-template-columns: repeat(auto-fill, minmax(min(100%, 17rem), 1fr)); }
 li { border: 1px solid #8886; border-radius: 8px; padding: .7rem; }
 li[hidden] { display: none; }
-img { width: 100%; height: 9rem; object-fit: contain; display: block; background: #fff; border-radius: 4px; }
+img { width: 100%; height: 9rem; object-fit: contain; display: block; border-radius: 4px; }
 a { color: inherit; text-decoration: none; } a:hover strong { text-decoration: underline; }
 p { font-size: .88em; max-height: 4.4em; overflow: auto; margin: .3rem 0; }
 pre, details div { font-size: .75em; overflow: auto; max-height: 20rem; } details math { font-size: 1.3em; }

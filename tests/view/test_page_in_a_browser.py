@@ -112,16 +112,25 @@ def test_the_ledger_is_measured_by_the_energy_that_swings():
 def test_an_address_holds_the_state(suspension):
     _, html = suspension
     seen = open_page(html, FACTS + """
-      location.hash = "#t=0.5&set=k2:40000,nonsense:1&against=&show=body.v,nothing&forces=1&speed=2";
+      location.hash = "#t=0.5&set=k2:40000,nonsense:1&against=&pulled=0.2,wheel.flange,900,0.1&show=body.v,nothing"
+        + "&forces=1&speed=2&mode=1&loop=0";
       await frames(3); await idle();
-      const arrows = document.querySelectorAll("#stage .arrows path").length;
-      return { chips: [...document.querySelectorAll(".chips code")].map((c) => c.textContent), arrows,
+      const { value: mode } = $("mode"), { hash } = location, svg = document.querySelector("#stage svg");
+      $("mode").value = ""; $("mode").dispatchEvent(new Event("change"));
+      const all = [...document.querySelectorAll("#stage .arrows path")], top = svg.getBoundingClientRect().top;
+      const arrows = all.length, cut = Math.min(...all.map((p) => p.getBoundingClientRect().top)) < top - 1;
+      $("keep").focus();
+      $("keep").dispatchEvent(new KeyboardEvent("keydown", { key: "f", bubbles: true }));
+      return { mode, hash, arrows, cut, loop: $("loop").checked, off: !$("forces").checked, 
+               chips: [...document.querySelectorAll(".chips code")].map((c) => c.textContent),
                moved: [...document.querySelectorAll("#sliders .moved")].map((r) => r.dataset.name),
-               forces: $("forces").checked, speed: $("speed").value, hash: location.hash };
+               speed: $("speed").value };
     """)  # fmt: skip
     found = seen.answer
     assert seen.console == []
-    assert found["chips"] == ["body.v"] and found["moved"] == ["k2"] and found["forces"] and found["arrows"] >= 2
+    assert found["chips"] == ["body.v"] and found["moved"] == ["k2"] and found["off"] and found["arrows"] >= 2
+    assert found["mode"] == "0" and not found["loop"] and not found["cut"]
+    assert "pulled=0.2,wheel.flange,900" in found["hash"]
 
 
 @pytest.mark.parametrize("size", [(360, 640), (360, 740), (768, 1024), (740, 360), (1280, 720), (1920, 1080)], ids=str)

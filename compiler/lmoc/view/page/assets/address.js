@@ -1,6 +1,6 @@
 // The state of the page as the fragment of its address, to be shared: #t=1.5&set=spring.k:60&show=mass.q
 
-/** The fragment of {t, speed, set, init, pulls, against, show, over, part, forces}; what is as at the beginning, null for the speed, is left out. */
+/** The fragment of {t, speed, set, init, pulls, against, show, over, part, forces, mode, loop}; what is as at the beginning, null for the speed, is left out. */
 export function write(state) {
   const parts = [];
   const add = (key, value) => parts.push(`${key}=${value}`);
@@ -9,22 +9,25 @@ export function write(state) {
   if (state.speed !== null) add("speed", state.speed);
   if (Object.keys(state.set).length) add("set", values(state.set));
   if (Object.keys(state.init).length) add("init", values(state.init));
-  if (state.pulls.length) add("pull", state.pulls.map(([t, part, own]) => [t, encodeURIComponent(part), ...own].join(",")).join(";"));
+  if (state.pulls.length) add("pull", pullText(state.pulls));
   if (state.against !== null) {
     add("against", values(state.against.set));
     if (Object.keys(state.against.init).length) add("from", values(state.against.init));
+    if (state.against.pulls.length) add("pulled", pullText(state.against.pulls));
   }
   if (state.show !== null) add("show", state.show.map(encodeURIComponent).join(","));
   if (state.over) add("over", encodeURIComponent(state.over));
   if (state.part) add("part", encodeURIComponent(state.part));
   if (state.forces) add("forces", 1);
+  if (state.mode) add("mode", state.mode);
+  if (!state.loop) add("loop", 0);
   return parts.join("&");
 }
 
 /** The state of a fragment; whatever is not understood is left as at the beginning. */
 export function read(fragment) {
-  const state = { t: 0, speed: null, set: {}, init: {}, pulls: [], against: null, show: null, over: "", part: "", forces: false };
-  let from = {};
+  const state = { t: 0, speed: null, set: {}, init: {}, pulls: [], against: null, show: null, over: "", part: "", forces: false, mode: "", loop: true };
+  let [from, pulled] = [{}, []];
   for (const part of fragment.replace(/^#/, "").split("&")) {
     const [key, value = ""] = part.split("=", 2);
     if (key === "t" && Number.isFinite(Number(value))) state.t = Number(value);
@@ -32,16 +35,21 @@ export function read(fragment) {
     if (key === "set") state.set = values(value);
     if (key === "init") state.init = values(value);
     if (key === "pull") state.pulls = pulls(value);
-    if (key === "against") state.against = { set: values(value), init: {} };
+    if (key === "against") state.against = { set: values(value), init: {}, pulls: [] };
     if (key === "from") from = values(value);
+    if (key === "pulled") pulled = pulls(value);
     if (key === "over") state.over = decoded(value);
     if (key === "part") state.part = decoded(value);
     if (key === "show") state.show = value.split(",").map(decoded).filter(Boolean);
     if (key === "forces") state.forces = value === "1";
+    if (key === "mode" && /^[1-9]\d*$/.test(value)) state.mode = value;
+    if (key === "loop") state.loop = value !== "0";
   }
-  if (state.against !== null) state.against.init = from;
+  if (state.against !== null) Object.assign(state.against, { init: from, pulls: pulled });
   return state;
 }
+
+const pullText = (own) => own.map(([t, part, signals]) => [t, encodeURIComponent(part), ...signals].join(",")).join(";");
 
 function pulls(text) {
   return text.split(";").flatMap((entry) => {

@@ -16,6 +16,11 @@ export class Forces {
     $("forces").checked = this.on;
   }
 
+  /** The items at which arrows are drawn now. */
+  get items() {
+    return this.on ? [...this.names.keys()] : [];
+  }
+
   put(answer) {
     this.values = answer.reader([...this.names.values()].flat());
     this.largest = 0;

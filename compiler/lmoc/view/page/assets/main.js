@@ -24,6 +24,7 @@ import { Values } from "./values.js";
 
 const INSTANTS = 200; // at which the picture is looked at for the room that it needs
 const STEP = 200; // of these a run is walked through with the arrow keys
+const OF_CONTROLS = [" ", "Enter", "ArrowLeft", "ArrowRight", "Home", "End"]; // keys that buttons and sliders have themselves
 const READ = 100; // ms in which nobody reads another number: while the scene runs, texts stay as long
 
 /** Open the page. `data` and `worker`, the script of its own simulation, are packed, `terms` are those of the equations, as functions. */
@@ -42,7 +43,7 @@ class Page {
     const units = new Map(data.variables.map((v) => [v.name, v.unit]));
     this.unitOf = (name) => units.get(name) ?? "";
     this.given = this.answer = givenAnswer(data);
-    this.against = null; // {set, init, answer} of the run that is recorded
+    this.against = null; // {set, init, pulls, answer} of the run that is recorded
     this.init = {}; // states at the start that the hand has given
     this.pulls = []; // [t, part, signals] of the hand while the scene ran
     this.serial = 0;
@@ -127,7 +128,10 @@ class Page {
     const { swinging } = this.data;
     $("swinging").hidden = swinging.modes.length === 0;
     $("mode").append(new Option("the run", ""), ...swinging.modes.map(({ label }, k) => new Option(`mode ${k + 1}: ${label}`, k)));
-    $("mode").addEventListener("change", () => this.draw());
+    $("mode").addEventListener("change", () => {
+      this.draw();
+      this.remember();
+    });
     listenToHand(this.stage, {
       wanted: (item) => item.part !== "" || canBeTaken(item),
       pick: (k) => this.choose(picture.items[k].part === this.card.part ? "" : picture.items[k].part),
@@ -146,7 +150,7 @@ class Page {
       this.player.speed = Number($("speed").value);
       this.remember();
     });
-    $("loop").addEventListener("change", () => (this.player.loop = $("loop").checked));
+    $("loop").addEventListener("change", () => this.setLoop($("loop").checked));
     $("forces").addEventListener("change", () => this.setForces($("forces").checked));
     $("reset").addEventListener("click", () => this.reset());
     $("keep").addEventListener("click", () => this.keep());
@@ -166,7 +170,9 @@ class Page {
   }
 
   key(event) {
-    if (event.target.closest?.("input, select, textarea, button, summary") || event.ctrlKey || event.metaKey || event.altKey) return;
+    const own = event.target.closest?.("input, select, textarea, button, summary");
+    if (event.ctrlKey || event.metaKey || event.altKey || own?.matches("select, textarea, input:not([type=range], [type=checkbox])")) return;
+    if (own && OF_CONTROLS.includes(event.key)) return;
     const { player } = this;
     const step = (player.end - player.begin) / STEP;
     const actions = {
@@ -196,7 +202,9 @@ class Page {
     $("over").value = this.over;
     this.player.speed = state.speed ?? this.player.usual;
     this.player.t = this.player.begin + state.t;
+    this.player.loop = state.loop;
     this.forces?.turn(state.forces);
+    $("mode").value = this.data.swinging.modes[state.mode - 1] ? String(state.mode - 1) : "";
     this.card.choose(state.part, this.answer, null);
     this.stage?.choose(this.card.part);
     this.draw();
@@ -210,7 +218,7 @@ class Page {
     Object.assign(this, { init, pulls, against: null });
     this.sliders.put(set);
     if (against !== null && (await this.repeated)) {
-      const found = await this.engine.ask("run", { times: this.times, values: against.set, initial: against.init });
+      const found = await this.engine.ask("run", { times: this.times, values: against.set, initial: against.init, pulls: against.pulls });
       if (found !== null) this.against = { ...against, answer: revived(found) };
     }
     await this.simulate();
@@ -262,8 +270,8 @@ class Page {
   }
 
   keep() {
-    const { sliders, init, answer } = this;
-    this.against = this.against === null ? { set: { ...sliders?.values }, init: { ...init }, answer } : null;
+    const { sliders, init, pulls, answer } = this;
+    this.against = this.against === null ? { set: { ...sliders?.values }, init: { ...init }, pulls: [...pulls], answer } : null;
     this.draw();
     this.remember();
   }
@@ -286,12 +294,14 @@ class Page {
 
   setForces(on) {
     this.forces?.turn(on);
+    if (this.motion !== null) this.motion = this.newMotion();
     this.show(this.player.t);
     this.remember();
   }
 
   setLoop(on) {
     this.player.loop = $("loop").checked = on;
+    this.remember();
   }
 
   /** Go to the next event in a direction, and say what happens there. */
@@ -317,6 +327,8 @@ class Page {
       over: this.over,
       part: card.part,
       forces: forces?.on ?? false,
+      mode: $("mode").value === "" ? "" : String(Number($("mode").value) + 1),
+      loop: player.loop,
     });
   }
 
@@ -374,7 +386,7 @@ class Page {
     const motion = new Motion(data.picture, names, first, extremes);
     const every = Math.max(1, Math.ceil(answer.time.length / INSTANTS));
     const places = (k) => columns.map((c) => c[Math.min(k * every, answer.time.length - 1)]);
-    this.stage.makeRoom(motion, places, this.swing === null ? Math.ceil(answer.time.length / every) + 1 : 0);
+    this.stage.makeRoom(motion, places, this.swing === null ? Math.ceil(answer.time.length / every) + 1 : 0, this.forces.items);
     return motion;
   }
 

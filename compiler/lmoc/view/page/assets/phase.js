@@ -1,11 +1,12 @@
 // Plots of variables over another one: SVG, since uPlot wants what is across to increase.
 
 import { svgElement } from "./picture.js";
-import { colourOf, tickText } from "./plots.js";
+import { colourOf, roomIn, tickText } from "./plots.js";
 
-const SIZE = [420, 260]; // px of the drawing, which is as wide as its place
+const SIZE = [420, 260]; // px of the drawing, which is as wide as its place, or as high as what scrolls around
 const MARGIN = { left: 58, right: 10, top: 8, bottom: 34 };
 const MARKS = 5; // on an axis, about
+const LOWEST = 150; // px of height
 
 /** The range of values, and the distance of the marks within. */
 export function axisOf(values) {
@@ -24,7 +25,7 @@ export class PhasePlot {
   constructor(host, names, across, answer, against, labels) {
     const [width, height] = SIZE;
     const { left, right, top, bottom } = MARGIN;
-    this.svg = svgElement("svg", { viewBox: `0 0 ${width} ${height}`, class: "phase", role: "img", "aria-label": labels.describe });
+    this.svg = svgElement("svg", { viewBox: `0 0 ${width} ${height}`, class: "phase", preserveAspectRatio: "xMinYMid", role: "img", "aria-label": labels.describe });
     const all = [answer, ...(against ? [against] : [])];
     const x = axisOf(all.flatMap((a) => Array.from(a.of(across))));
     const y = axisOf(all.flatMap((a) => names.flatMap((name) => Array.from(a.of(name)))));
@@ -41,6 +42,8 @@ export class PhasePlot {
     this.dots = names.map((_, k) => this.svg.appendChild(svgElement("circle", { r: 4, fill: colourOf(k) })));
     this.read = answer.reader([across, ...names]);
     host.append(this.svg);
+    this.host = host;
+    this.fit();
   }
 
   drawAxes(x, y, { across }) {
@@ -85,7 +88,10 @@ export class PhasePlot {
     });
   }
 
-  fit() {}
+  /** Be seen as a whole in what scrolls around. */
+  fit() {
+    this.svg.style.maxHeight = `${Math.max(LOWEST, roomIn(this.host))}px`;
+  }
 
   destroy() {
     this.svg.remove();

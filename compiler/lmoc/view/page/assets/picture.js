@@ -84,13 +84,14 @@ export class Stage {
     for (const { item, group } of this.parts) group.classList.toggle("chosen", part !== "" && item.part === part);
   }
 
-  /** Leave room for a motion: `values(k)` are those of the variables at the k-th of `count` instants. */
-  makeRoom(motion, values, count) {
+  /** Leave room for a motion: `values(k)` are those of the variables at the k-th of `count` instants; `pulling` are items with arrows. */
+  makeRoom(motion, values, count, pulling) {
     const { width, height, items } = this.picture;
     const box = [0, 0, width, height];
     const free = items.filter((item) => item.ends.some((end) => end.moves.some((move) => move.group === "")));
-    for (let k = 0; k < count && free.length; k++) {
+    for (let k = 0; k < count && free.length + pulling.length; k++) {
       const now = values(k);
+      for (const item of pulling) for (const tip of tipsOf(item, motion.frame(item, now))) reach(box, tip);
       for (const item of free) {
         const frame = motion.frame(item, now);
         for (const point of outline(item)) reach(box, place(frame, point));
@@ -140,6 +141,12 @@ export class Stage {
     while (children.length < drawn.length) this.arrows.append(svgElement("path", { class: "line force", "stroke-width": 2 }));
     drawn.forEach((d, k) => children[k].setAttribute("d", d));
   }
+}
+
+/** Where arrows of an item may end. */
+function tipsOf(item, frame) {
+  if (item.ends.length === 2) return [place(frame, [0, -ARROW, 0]), place(frame, [1, ARROW, 0])];
+  return [-1, 1].flatMap((way) => [[frame.x + way * ARROW, frame.y], [frame.x, frame.y + way * ARROW]]);
 }
 
 /** The direction of a push. */

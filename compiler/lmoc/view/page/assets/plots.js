@@ -39,10 +39,11 @@ export function byUnit(names, unitOf) {
   return [...panels];
 }
 
-/** The height with which a plot fits into what scrolls around it. */
+/** The height in which a plot is seen as a whole in what scrolls around it. */
+export const roomIn = (host) => (host.closest("section")?.clientHeight ?? HEIGHTS[1]) - AROUND;
+
 function heightIn(host) {
-  const room = host.closest("section")?.clientHeight ?? HEIGHTS[1];
-  return Math.min(HEIGHTS[1], Math.max(HEIGHTS[0], room - AROUND));
+  return Math.min(HEIGHTS[1], Math.max(HEIGHTS[0], roomIn(host)));
 }
 
 /** A plot with the line of the current time. `seek(t)` is called where it is pressed or dragged. */
