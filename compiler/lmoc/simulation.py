@@ -177,7 +177,7 @@ def sensitivities(
         E0575: they are not available, and why; E0622: there is no such parameter or variable.
     """
     from lmoc.numerics.run.saltation import with_events
-    from lmoc.numerics.run.sensitivities import EXPLICIT, check_motion, refused
+    from lmoc.numerics.run.sensitivities import check_motion, refused
 
     check_motion(run.trajectory)
     if not names:
@@ -195,9 +195,8 @@ def sensitivities(
             name = changing[int(np.flatnonzero(~held)[0]) // 2].name
             raise refused(f"the reduction assumes a value of '{name}' that it may not leave")
     first = _first(session, request, run, directions)
-    explicit = set(str(run.stats["solver"]).split(", ")) <= EXPLICIT
     tolerance = max(float(run.stats["rtol"]), rtol or 0.0)
-    return with_events(run.trajectory, first, directions, explicit, request.occasions or (), tolerance)
+    return with_events(run.trajectory, first, directions, request.occasions or (), tolerance)
 
 
 def _direction(session: Session, request: Request, prepared: Prepared, segment: SegmentRecord, name: str) -> Direction:

@@ -7,6 +7,7 @@ import pytest
 from conftest import ROOT
 
 import lmoc
+from lmoc.lower.series import LENGTH
 from lmoc.messages.diagnostics import ModelError
 from lmoc.numerics.evaluate.engine_system import EngineSystem
 from lmoc.numerics.evaluate.tangent_system import TangentSystem
@@ -176,6 +177,28 @@ def test_tangents_are_the_jacobian_times_the_directions():
     exact = tangents @ matrix[:, :n].T + directions.T @ matrix[:, n:].T
     assert rates[n:].reshape(2, n) == pytest.approx(exact, rel=1e-14)
     assert system.jacobian(0.7, np.append(x, tangents)) == pytest.approx(np.kron(np.eye(3), matrix[:, :n]))
+
+
+@pytest.mark.parametrize("file", ["notes/ex05_suspension", "planar/pendulum_cartesian", "planar/four_bar"])
+def test_tangents_have_a_series(file):
+    """The derivatives of a program as a program, blocks included: the same rates, and a polynomial that meets them."""
+    dae = lmoc.compile(ROOT / f"models/{file}.lmo")
+    observer = dae.simulate(stop=0.1, points=3, energy=False).trajectory.segments[0].observer
+    plan = observer.plan
+    moving = np.flatnonzero(np.isin(np.arange(plan.count), plan.parameters) & (observer.base != 0))[:3]
+    system = TangentSystem(plan, moving, np.eye(3) * observer.base[moving][:, None])
+    series, n = system.with_series(None), len(plan.states)
+    for one in (system, series):
+        one.prepare(observer.base, observer.signals)
+    x = np.append(dae.simulate(stop=0.1, points=3, energy=False).trajectory.table[-1], np.linspace(-1.0, 1.0, 3 * n))
+    rates, own, q = np.empty(4 * n), np.empty(4 * n), np.zeros((4 * n, LENGTH))
+    system.rhs(0.1, x, rates)
+    series.rhs(0.1, x, own)
+    assert own == pytest.approx(rates, rel=1e-12, abs=1e-12 * np.abs(rates).max())
+    assert series.series(0.1, x, 18, q.ctypes.data)
+    h, later, slope = 1e-3, np.empty(4 * n), np.arange(1, 19) * 1e-3 ** np.arange(18)
+    system.rhs(0.1 + h, np.polynomial.polynomial.polyval(h, q.T[:19]), later)
+    assert q[:, 1:19] @ slope == pytest.approx(later, rel=1e-9, abs=1e-9 * np.abs(later).max())
 
 
 def test_changes_of_coordinates():

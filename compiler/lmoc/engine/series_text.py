@@ -83,13 +83,18 @@ def _line(name: str, rest: list[int]) -> str:
     return "  " + _TEXT[name].format(a, **series, A=f"S({a})", B=f"S({b})", OUT=f"S({out})", number=f"W({b})")
 
 
+def cost_of_series(code: np.ndarray) -> float:
+    """Return about how many operations all orders of a series have."""
+    names = [name for name, _ in _instructions(code)]
+    return _INSTRUCTION * len(names) + _PRODUCT * sum(name in PRODUCTS for name in names)
+
+
 class SeriesAccelerator(Accelerator):
     """Compiles the instructions of a series beside their use."""
 
     def __init__(self, code: np.ndarray, lanes: int) -> None:
-        names = [name for name, _ in _instructions(code)]
-        super().__init__(_INSTRUCTION * len(names) + _PRODUCT * sum(name in PRODUCTS for name in names))
-        self._code, self._count, self._lanes = code, len(names), lanes
+        super().__init__(cost_of_series(code))
+        self._code, self._count, self._lanes = code, sum(1 for _ in _instructions(code)), lanes
 
     def _make(self) -> ctypes.CDLL | None:
         return None if self._count > _LONGEST else compiled(lambda: series_text(self._code, self._lanes))

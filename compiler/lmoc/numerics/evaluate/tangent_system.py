@@ -11,17 +11,26 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lmoc.engine.accelerator import TapeAccelerator
+from lmoc.engine.accelerator import TapeAccelerator, cost
+from lmoc.engine.series_text import cost_of_series
 from lmoc.expression.dag import Expr, slot
 from lmoc.ir.program import Apply, Program, needed_steps
-from lmoc.lower.blocks import derivatives_tape
+from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.chain_rule import ChainRule
+from lmoc.lower.forward import Forward
+from lmoc.lower.recurrences import NoSeries
+from lmoc.lower.series import series_of
 from lmoc.numerics.evaluate.engine_system import EngineSystem
+from lmoc.numerics.evaluate.taylor_system import TaylorSystem, Written
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.structure.linear.substitution import partition
 from lmoc.support.records import dataclass
 
+_STAGES = 12  # of a step of DOP853
+# As many of its steps as one along a series pays for at least. Of tangents by three parameters, at 1e-6: quarter car
+# 6.7 (a step costs 2.7 times as much), double pendulum 1.7 (4.9), four-bar 1.7 (5.1).
+_LONGER = 3.0
 _KEPT = 8  # sets of directions whose tapes a plan keeps
 
 
@@ -49,6 +58,26 @@ class Tangents:
 
 
 def _kept(plan: Plan) -> dict[tuple[bytes, bytes, int, bytes], Tangents]:
+    return {}
+
+
+def _kept_series(plan: Plan) -> dict[tuple[bytes, bytes, int], TangentSeries | str]:
+    return {}
+
+
+def tangent_system(plan: Plan, registers: np.ndarray, directions: np.ndarray) -> TangentSystem:
+    """Return the tangents of a plan as a system, made once for the same parameters; `prepare` is to follow."""
+    kept, moves = plan.once(_kept_systems), directions != 0
+    key = registers.tobytes(), moves.tobytes(), moves.shape[1]
+    if key not in kept:
+        for oldest in list(kept)[: 1 - _KEPT]:
+            kept.pop(oldest, None)
+        kept[key] = TangentSystem(plan, registers, directions)
+    kept[key].directions = directions
+    return kept[key]
+
+
+def _kept_systems(plan: Plan) -> dict[tuple[bytes, bytes, int], TangentSystem]:
     return {}
 
 
@@ -106,6 +135,52 @@ def _moved(out: np.ndarray, held: np.ndarray, by: np.ndarray, moves: np.ndarray,
     return steps
 
 
+class TangentSeries(TaylorSystem):
+    """States and tangents with their Taylor series, from the derivatives of the program as a program.
+
+    Attributes
+    ----------
+    directions : as of `TangentSystem`
+    pays : whether its steps are not dearer than they are longer
+    """
+
+    directions: np.ndarray
+
+    def __init__(self, plan: Plan, registers: np.ndarray, moves: np.ndarray, cost_of_step: float) -> None:
+        """
+        Parameters
+        ----------
+        registers, moves : as of `tangents_of`
+        cost_of_step : of DOP853
+
+        Raises
+        ------
+        NoSeries
+        """
+        n, (k, m) = len(plan.states), moves.shape
+        self._registers = registers
+        self._at = plan.count + n * m + np.arange(k * m).reshape(k, m)
+        moving = np.full((plan.count + (n + k) * m + 1, m), -1)
+        moving[plan.states] = tangents = plan.count + np.arange(n * m).reshape(m, n).T
+        moving[registers] = np.where(moves, self._at, -1)
+        found = Forward(plan.program, moving, len(moving))
+        rates = found.moving[plan.derivatives]
+        rates[rates < 0] = len(moving) - 1  # zero, where nothing moves
+        inputs = np.concatenate([plan.states, tangents.T.ravel()])
+        outputs = np.concatenate([plan.derivatives, rates.T.ravel()])
+        tape = values_tape(found.steps, found.count)
+        if len(plan.sampled):
+            raise NoSeries("an input has no formula")
+        series = series_of(found.steps, found.count, tape.size, inputs, outputs)
+        super().__init__(plan, Written(found.steps, inputs, outputs, TapeAccelerator(tape), series))
+        self.pays = cost_of_series(series.code) <= _LONGER * cost_of_step
+
+    def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
+        self.w[self.plan.count :] = 0.0
+        self.w[self._at] = self.directions
+        super().prepare(base, signals)
+
+
 class TangentSystem(EngineSystem):
     """The tangents of a plan, for one set of directions.
 
@@ -134,6 +209,30 @@ class TangentSystem(EngineSystem):
         self._own_registers, self._moving, self.directions = own, registers, directions
         self._copies = 1 + directions.shape[1]
         self._states: EngineSystem | None = None
+
+    def with_series(self, of_plan: object) -> TangentSeries:  # type: ignore[override]
+        kept, moves = self.plan.once(_kept_series), self.directions != 0
+        key = self._moving.tobytes(), moves.tobytes(), moves.shape[1]
+        if key not in kept:
+            for oldest in list(kept)[: 1 - _KEPT]:
+                kept.pop(oldest, None)
+            try:
+                kept[key] = TangentSeries(self.plan, self._moving, moves, _STAGES * cost(self.kernel.tape))
+            except NoSeries as reason:
+                kept[key] = str(reason)
+        found = kept[key]
+        if isinstance(found, str):
+            raise NoSeries(found)
+        found.directions = self.directions
+        return found
+
+    @property
+    def suits_series(self) -> bool:
+        """Whether it has a Taylor series whose steps are not dearer than they are longer than those of DOP853."""
+        try:
+            return self.with_series(None).pays
+        except NoSeries:
+            return False
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         own = self._own_registers

@@ -7,15 +7,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from lmoc.engine.accelerator import TapeAccelerator
 from lmoc.engine.kernel import Call, Kernel
 from lmoc.engine.library import Many, address, at_once, library
 from lmoc.engine.series_text import SeriesAccelerator
+from lmoc.ir.program import Program
 from lmoc.lower.recurrences import NoSeries
 from lmoc.lower.series import LENGTH, Series, series_of
 from lmoc.lower.tape import Tape
 from lmoc.numerics.evaluate.engine_system import EngineSystem, has_branches, plan_tape
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
+from lmoc.support.records import dataclass
 
 _LARGEST = 20_000  # numbers of a run, of which there are as many as lanes in the cache
 
@@ -52,6 +55,22 @@ class Walk(ctypes.Structure):
     ]
 
 
+@dataclass(frozen=True, eq=False)
+class Written:
+    """A program with its tape and its series, or why there is none.
+
+    Attributes
+    ----------
+    inputs, outputs : registers of the states, and of their derivatives
+    """
+
+    program: Program
+    inputs: np.ndarray
+    outputs: np.ndarray
+    accelerator: TapeAccelerator
+    series: Series | str
+
+
 def plan_series(plan: Plan) -> Series | str:
     """Return the series of a plan, or why there is none; to be asked for by `Plan.once`."""
     if len(plan.sampled):
@@ -63,15 +82,17 @@ def plan_series(plan: Plan) -> Series | str:
 
 
 def _with_series(
-    plan: Plan, series: Series, call: Call, start: Kernel, coefficients: np.ndarray, many: Many | None = None
-) -> WithSeries:
-    """Return what C needs for the series of a plan, whose coefficients have that memory; of order 0 as yet.
+    states: np.ndarray, derivatives: np.ndarray, series: Series, call: Call, start: Kernel, coefficients: np.ndarray,
+    many: Many | None = None,
+) -> WithSeries:  # fmt: skip
+    """Return what C needs for a series, whose coefficients have that memory; of order 0 as yet.
 
     Parameters
     ----------
+    states, derivatives : registers
     many : what takes several runs at a time
     """
-    tables = [series.of_register[r] for r in (plan.states, plan.derivatives)]
+    tables = [series.of_register[r] for r in (states, derivatives)]
     tables += [series.of_register, coefficients]
     addresses = *start.addresses, series.code.ctypes.data, series.source.ctypes.data
     functions = [getattr(many, k) if many else address(f"lmoc_series_{k}") for k in ("order", "open", "solve")]
@@ -104,7 +125,8 @@ class SeriesInLanes:
         w = _aligned(series.start.size * lanes)
         kernel, start = (Kernel(tape, w=w, many=many) for tape in tapes)
         call = kernel.call(plan.states, plan.derivatives)
-        self.in_c = _with_series(plan, series, call, start, _aligned(len(series.source) * length * lanes), many)
+        memory = _aligned(len(series.source) * length * lanes)
+        self.in_c = _with_series(plan.states, plan.derivatives, series, call, start, memory, many)
         self.memory = _aligned((2 * length + 3) * len(plan.states) * lanes)
         self.blocks = len(kernel.tape.blocks), len(start.tape.blocks)
         self._kept = kernel
@@ -132,20 +154,28 @@ def _aligned(count: int) -> np.ndarray:
 class TaylorSystem(EngineSystem):
     """The program, and the coefficients of order k of what it computes."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, other: Written | None = None) -> None:
         """
+        Parameters
+        ----------
+        other : a program in place of that of the plan
+
         Raises
         ------
         NoSeries
             The program has functions with kinks, sampled inputs, or blocks that have no series.
         """
-        series = plan.once(plan_series)
+        series = plan.once(plan_series) if other is None else other.series
         if isinstance(series, str):
             raise NoSeries(series)
         self._of = series
-        super().__init__(plan)
+        if other is None:
+            super().__init__(plan)
+        else:
+            super().__init__(plan, other.program, other.inputs, other.outputs, other.accelerator)
         self._start = Kernel(series.start, w=self.kernel.w)
-        self._taylor = _with_series(plan, series, self._own, self._start, np.zeros((len(series.source), LENGTH)))
+        memory = np.zeros((len(series.source), LENGTH))
+        self._taylor = _with_series(self.inputs, self.outputs, series, self._own, self._start, memory)
         self._engine, self._reference = library(), ctypes.byref(self._taylor)
 
     def _kernel(self, tape: Tape) -> Kernel:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import field
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.stepper import Stepper
 from lmoc.numerics.signals.signals import Signal, sample
 from lmoc.support.records import dataclass
+
+Series = TypeVar("Series")
 
 
 @dataclass(frozen=True)
@@ -209,6 +211,10 @@ class System(ABC):
         implicit : x' - f, as a callback of IDA
         """
         return None
+
+    def with_series(self, of_plan: Callable[[Plan], Series]) -> Series:
+        """Return the same system with Taylor series; `of_plan`: makes that of a plan."""
+        return self.plan.once(of_plan)
 
     def in_c(self) -> InC | None:
         """Return what C functions evaluate it with, or None where that takes Python."""

@@ -31,6 +31,7 @@ from lmoc.numerics.run.sensitivities import (
     agree,
     base_derivatives,
     check_motion,
+    methods_for,
     refused,
     sizes_of,
 )
@@ -50,15 +51,14 @@ Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as of `HybridDynamic
 
 
 def with_events(
-    trajectory: Trajectory, first: Tangent, directions: Sequence[Direction], explicit: bool,
-    occasions: Sequence[Occasion], rtol: float,
+    trajectory: Trajectory, first: Tangent, directions: Sequence[Direction], occasions: Sequence[Occasion],
+    rtol: float,
 ) -> Sensitivities:  # fmt: skip
     """Return the derivatives of a motion, smooth or with events.
 
     Parameters
     ----------
     first : where it starts, behind what happens there
-    explicit : whether the method of the run was
     occasions : the instants at which something happens
     rtol : relative tolerance
 
@@ -72,7 +72,8 @@ def with_events(
     if accumulation is not None:
         raise refused(f"the impacts of '{accumulation.name}' accumulate at t = {accumulation.time:.6g} s")
     segments, at, parts = trajectory.segments, first, []
-    made, bases, by_segment = {}, {}, {o.segment: o for o in occasions}
+    methods = methods_for(str(trajectory.stats["solver"]))
+    bases, by_segment = {}, {o.segment: o for o in occasions}
     since = segments[0].begin
     each = trajectory.stats.get("steps", 0) / max(trajectory.last[0] - since, 1e-300)
     saltation: Saltation | None = None
@@ -83,7 +84,7 @@ def with_events(
         if named not in known:
             known[named] = sizes_of([s for s in segments if s.coordinates == segment.coordinates])
         sizes = known[named]
-        sweep = Sweep(segment.observer, directions, at.base, sizes, rtol, explicit, made)
+        sweep = Sweep(segment.observer, directions, at.base, sizes, rtol, methods)
         following, occasion = segments[k + 1] if k + 1 < len(segments) else None, by_segment.get(k)
         moved, came, others = at, saltation, ()
         if came is not None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from lmoc.ir.flat import FlatDAE
 from lmoc.messages.diagnostics import Diagnostic, ModelError
-from lmoc.numerics.evaluate.tangent_system import TangentSystem
+from lmoc.numerics.evaluate.tangent_system import TangentSystem, tangent_system
 from lmoc.numerics.failures.chatter import jumps
 from lmoc.numerics.limits import FINEST_SMOOTH
 from lmoc.numerics.observe.observer import Observer, find
@@ -35,7 +35,7 @@ from lmoc.support.records import dataclass
 STEP = 1e-3  # of a quantity's size, of differences of order four: their error is some 1e-12
 _CENTRAL = ((1, 8 / 12), (-1, -8 / 12), (2, -1 / 12), (-2, 1 / 12))
 _AHEAD = ((0, -25 / 12), (1, 4.0), (2, -3.0), (3, 4 / 3), (4, -1 / 4))
-_SHARE = 0.1  # of the run's tolerance
+_SHARE = 0.5  # of the run's tolerance
 _ABSOLUTE = 1e-2  # of the relative tolerance times the size
 _ROUNDING = 1e-13  # of the largest number in a motion: what is smaller is none
 _ASIDE = 1e-9  # of the time, by which an instant may be beside another and is still the same
@@ -44,7 +44,7 @@ _GOLDEN = (5**0.5 - 1) / 2  # ratio of the shares by which quantities are change
 _PLACES = 0.382, 0.7, 1.0  # of a segment, at which slopes are looked at until they are good …
 _CHANGES, _BENT = (1e-5, 1e-7), 1e-2  # … by such shares of the tangents; share of a slope by which it may bend
 _APART = 1e4  # tolerances by which the states may differ from those of the run
-EXPLICIT = frozenset({"dop853", "taylor", "none"})
+_EXPLICIT = frozenset({"dop853", "taylor", "none"})
 Values = Callable[[np.ndarray], np.ndarray]
 
 
@@ -114,6 +114,14 @@ def difference(function: Callable[[float], np.ndarray], step: float) -> np.ndarr
         return sum(weight * function(k * step) for k, weight in _AHEAD) / step  # type: ignore[return-value]
 
 
+def methods_for(solver: str) -> tuple[str, ...]:
+    """Return the methods by which tangents are integrated, the one where the other fails, by those of the run."""
+    used = set(solver.split(", "))
+    if not used <= _EXPLICIT:
+        return ("radau",)
+    return ("taylor", "dop853") if "taylor" in used else ("dop853",)
+
+
 def mode_registers(plan: Plan) -> np.ndarray:
     """Return the registers that say in which mode each law is; none without laws."""
     form = plan.reduced.switched
@@ -168,11 +176,14 @@ def slope(function: Callable[[np.ndarray], np.ndarray], direction: Direction) ->
 
 def slopes(function: Callable[[np.ndarray], np.ndarray], directions: Sequence[Direction]) -> np.ndarray:
     """Return the derivatives (m, k) by several directions, as `slope`."""
+    places, weights = np.array(_CENTRAL).T
     found = function(np.concatenate([direction.around for direction in directions], axis=1))
-    parts = np.split(found, len(directions), axis=1)
-    known = [own if np.isfinite(own[np.isfinite(own[:, 0])]).all() else None for own in parts]
-    own = zip(directions, known, strict=True)
-    return np.stack([slope(function, d) if part is None else slope(lambda _, p=part: p, d) for d, part in own])
+    found = found.reshape(len(found), len(directions), 1 + len(places))
+    steps = STEP * np.array([direction.size for direction in directions])
+    own = np.where(np.isfinite(found[:, :, 0]), (found[:, :, 1:] - found[:, :, :1]) @ weights / steps, 0.0).T
+    for k in np.flatnonzero(~np.isfinite(own).all(axis=1)):
+        own[k] = slope(function, directions[k])
+    return own
 
 
 def changed_values(
@@ -382,27 +393,24 @@ class Sweep:
 
     def __init__(
         self, observer: Observer, directions: Sequence[Direction], base: np.ndarray, sizes: np.ndarray, rtol: float,
-        explicit: bool, made: dict[tuple[int, bytes, bytes], TangentSystem],
+        methods: Sequence[str],
     ) -> None:  # fmt: skip
         """
         Parameters
         ----------
         base : (m, registers) derivatives of what does not change in the segment
         sizes : (n,) of the states
-        rtol, explicit : of the run: its tolerance, and whether its method was explicit
-        made : systems of other segments, and then of this one
+        rtol : relative tolerance of the run
+        methods : those by which tangents are integrated, the one where the other fails
         """
-        self.observer, self.directions, self.explicit = observer, directions, explicit
+        self.observer, self.directions, self.methods = observer, directions, methods
         self.plan, self.n, self.m = observer.plan, len(observer.plan.states), len(directions)
         self.rtol, self.sizes = max(_SHARE * rtol, FINEST_SMOOTH), sizes
         self.scale, self._by = np.array([d.size for d in directions]), base
         own = np.isin(np.arange(self.plan.count), self.plan.parameters)
         registers = np.flatnonzero(own & (base != 0).any(axis=0))
         moves = base[:, registers].T * self.scale
-        key = id(self.plan), registers.tobytes(), (moves != 0).tobytes()
-        self.system = made.get(key) or TangentSystem(self.plan, registers, moves)
-        made[key] = self.system
-        self._registers, self.system.directions = registers, moves
+        self._registers, self.system = registers, tangent_system(self.plan, registers, moves)
         self.system.prepare(observer.base, observer.signals)
 
     def rates(self, t: float, x: np.ndarray) -> np.ndarray:
@@ -531,10 +539,12 @@ class Sweep:
             found[first : first + len(states)] = states
 
         ledger = np.tile(self.plan.ledger, 1 + self.m)
-        for tolerances in (atol, np.where(ledger, np.max(atol), atol)):
+        loose = np.where(ledger, np.max(atol), atol)
+        methods = [m for m in self.methods if m != "taylor" or self.system.suits_series]
+        for method, tolerances in ((m, a) for m in methods for a in (atol, loose)):
             problem = Problem(self.system, begin, y, end, times, self.rtol, tolerances, sink, breaks=breaks)
-            outcome, _ = choice.run(problem, "dop853" if self.explicit else "radau")
-            if not ledger.any() or outcome.status in (Status.OK, Status.INTERRUPTED, Status.SPENT):
+            outcome, _ = choice.run(problem, method)
+            if outcome.status in (Status.OK, Status.INTERRUPTED, Status.SPENT):
                 break
         if outcome.status is Status.INTERRUPTED:
             raise KeyboardInterrupt

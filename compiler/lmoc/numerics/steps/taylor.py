@@ -39,7 +39,7 @@ def begin(problem: Problem) -> Taylor:
         The scene has no series.
     """
     try:
-        system = problem.system.plan.once(TaylorSystem)
+        system = problem.system.with_series(TaylorSystem)
     except NoSeries as error:
         raise Inapplicable(str(error)) from error
     system.prepare(*problem.system.given)
