@@ -96,15 +96,17 @@ static void keep(void *own) {
 /* Memory for what the scene needs beside its tables. */
 static int make_room(lmoc_page *p) {
   const int64_t n = p->n, m = p->unknown_count;
-  const int64_t most = p->size + 40*n + 4*m + 8;
+  const int64_t functions = 2*p->laws.run.k.laws.count + lmoc_roots(&p->events.instant);
+  const int64_t most = p->size + 40*n + 4*m + 4*functions + 8;
   double *at = p->w = calloc((size_t)most, sizeof(double));
   if (!at) return 0;
   at += p->size;
 #define TAKE(name, count) (p->name = at, at += (count))
   TAKE(x, n), TAKE(answer, n), TAKE(atol, n), TAKE(f, n), TAKE(begin, n), TAKE(steps.x_new, n), TAKE(steps.k, 16*n);
   TAKE(steps.last, n), TAKE(steps.terms, 7*n), TAKE(steps.x, n), TAKE(call.x, 3*n), TAKE(call.solution, 3*m);
-  TAKE(aside, n + m);
+  TAKE(aside, n + m), TAKE(sides, functions), TAKE(values, functions), TAKE(finder.signs, functions);
 #undef TAKE
+  p->finder.which = (uint8_t *)at;
   return 1;
 }
 
@@ -125,7 +127,8 @@ lmoc_page *lmoc_page_new(const uint8_t *bytes, int size) {
   lmoc_page_read_events(p, &b);
   lmoc_page_read_laws(p, &b);
   lmoc_page_read_coordinates(p, &b);
-  if (b.failed || p->right >= p->program_count || !make_room(p) || !lmoc_page_reserve(RESERVE)) return 0;
+  if (b.failed || p->right >= p->program_count || !make_room(p)) return 0;
+  if (!lmoc_page_reserve(RESERVE + 16 * (int)lmoc_page_room_of_radau(p))) return 0; /* in pieces of powers of two */
   for (int64_t k = 0; k < p->program_count; k++) lmoc_put_constants(&p->programs[k].program, p->w);
   p->events.instant.v = p->events.instant.line = p->w;
   p->call.w = p->w;
@@ -218,107 +221,3 @@ void lmoc_page_put_back(lmoc_page *p) {
   p->call.time = p->aside_time;
   p->call.solved = p->aside_solved;
 }
-
-/* ------------------------------------------------------------------ steps */
-
-void lmoc_page_begin(lmoc_page *p, double time, double end, double rtol, double longest, double first, double patience) {
-  lmoc_steps *s = &p->steps;
-  const lmoc_steps kept = *s;
-  memcpy(s->x, p->x, p->n * sizeof(double));
-  *s = (lmoc_steps){.call = &p->call, .rules = &p->rules, .weights = kept.weights, .nodes = kept.nodes,
-                    .dense = kept.dense, .omitted = kept.omitted, .atol = p->atol, .x = kept.x, .f = p->f,
-                    .x_new = kept.x_new, .k = kept.k, .last = kept.last, .terms = kept.terms, .t = time, .before = time,
-                    .grow = p->rules.grow, .cuts_since = time, .rtol = rtol, .end = end, .max_step = longest,
-                    .patience = patience, .most = 1, .out = p->answer, .outputs = 1, .room = 1, .step_size = first,
-                    .hook = p->branches ? &p->hook : 0};
-  p->rejected = p->evaluations = p->dense = 0;
-  lmoc_page_jump(p);
-  if (first > 0) return;
-  const double h = lmoc_first_trial(p->n, end - time, longest, p->rules.least, rtol, p->atol, s->x, s->f);
-  for (int64_t i = 0; i < p->n; i++) s->x_new[i] = s->x[i] + h*s->f[i];
-  lmoc_derivatives(s->call, time + h, s->x_new, s->last);
-  p->evaluations++;
-  s->step_size = lmoc_first_step(p->n, h, end - time, rtol, p->atol, s->x, s->f, s->last);
-}
-
-void lmoc_page_jump(lmoc_page *p) {
-  lmoc_steps *s = &p->steps;
-  memcpy(s->x, p->x, p->n * sizeof(double));
-  memcpy(p->begin, p->x, p->n * sizeof(double));
-  s->before = s->t;
-  s->length = 0;
-  lmoc_page_rates(p, s->t);
-  memcpy(s->f, p->answer, p->n * sizeof(double));
-  if (p->branches) lmoc_page_mark(p);
-}
-
-int lmoc_page_step(lmoc_page *p, double wanted) {
-  lmoc_steps *s = &p->steps;
-  lmoc_page_go_back(p);
-  memcpy(p->begin, s->x, p->n * sizeof(double));
-  s->times = &wanted;
-  const int found = lmoc_dop853_walk(s);
-  p->rejected += s->rejected;
-  p->evaluations += s->evaluations;
-  if (!s->steps) return found;
-  p->dense = s->reached;
-  memcpy(p->x, s->x, p->n * sizeof(double));
-  return found;
-}
-
-double lmoc_page_told(const lmoc_page *p, int which) {
-  const lmoc_steps *s = &p->steps;
-  const double all[] = {s->t, s->before, s->length, s->step_size, (double)p->rejected, (double)p->evaluations};
-  return all[which];
-}
-
-int lmoc_page_within(lmoc_page *p, double time) {
-  lmoc_steps *s = &p->steps;
-  double *now = s->x, check = 0;
-  s->x = p->begin;
-  if (!p->dense) {
-    lmoc_page_choose(p);
-    const int64_t before = s->evaluations;
-    lmoc_dop853_dense(s);
-    p->evaluations += s->evaluations - before;
-    p->dense = 1;
-  }
-  lmoc_dop853_within(s, (time - s->before) / s->length, p->answer);
-  s->x = now;
-  for (int64_t i = 0; i < p->n; i++) check += p->answer[i] * 0;
-  return check == 0;
-}
-
-/* ------------------------------------------------------------------ roots */
-
-#if defined(__wasm__)
-/* The values of the functions at some times, function by function. */
-__attribute__((import_module("host"), import_name("values")))
-void lmoc_host_values(int count, const double *times, double *values);
-#else
-static void lmoc_host_values(int count, const double *times, double *values) { (void)count, (void)times, (void)values; }
-#endif
-
-static int values_of_host(void *owner, int64_t count, const double *times, double *values) {
-  (void)owner;
-  lmoc_host_values((int)count, times, values);
-  return 0;
-}
-
-double *lmoc_page_signs(lmoc_page *p, int count) {
-  lmoc_finder *f = &p->finder;
-  free(f->signs);
-  lmoc_roots_free(f);
-  *f = (lmoc_finder){.count = count, .values = values_of_host, .signs = calloc((size_t)count + 1, 2*sizeof(double))};
-  f->which = f->signs ? (uint8_t *)(f->signs + count) : 0;
-  return f->signs;
-}
-
-double lmoc_page_root(lmoc_page *p, double before, double end) {
-  double time;
-  lmoc_roots_of_step(&p->finder, before, end);
-  const int found = lmoc_next_root(&p->finder, &time);
-  return found == LMOC_ROOT ? time : found == LMOC_NO_ROOT ? INFINITY : NAN;
-}
-
-uint8_t *lmoc_page_which(lmoc_page *p) { return p->finder.which; }

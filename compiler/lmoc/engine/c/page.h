@@ -43,23 +43,33 @@ void lmoc_page_put_back(lmoc_page *p);
 /* Derivatives of the state. */
 void lmoc_page_rates(lmoc_page *p, double time);
 
-/* Steps of DOP853 from the state at a time; `first` is their first length, or 0. What a step returns is that of
-   `lmoc_dop853_walk`: 0, or STIFF, where it has been made. Its dense output has to be good at the time `wanted`. */
+/* Steps from the state at a time; `first` is their first length, or 0. What a step returns is that of `lmoc_dop853_walk`: 0,
+   or STIFF, where it has been made. Its dense output has to be good at the time `wanted`. */
 void lmoc_page_begin(lmoc_page *p, double time, double end, double rtol, double longest, double first, double patience);
 int lmoc_page_step(lmoc_page *p, double wanted);
 
-/* Its numbers: time, where it began, length, the next length, rejected tries, evaluations so far. */
+/* Go on with an implicit method to these tolerances; 0 where there are too many states. */
+int lmoc_page_stiffen(lmoc_page *p, double rtol);
+
+/* Its numbers: time, where it began, the next length, rejected tries, evaluations so far. */
 double lmoc_page_told(const lmoc_page *p, int which);
 
 /* The state at a time within the last step; 0 where there is none. And another state at its end to go on from. */
 int lmoc_page_within(lmoc_page *p, double time);
 void lmoc_page_jump(lmoc_page *p);
 
-/* Functions of time whose values the host gives. It writes the signs that they have had last, 0 where none is known. Then
-   the time within a step at which one of them comes to have another sign, infinity where none does, NaN where there is no
-   memory; and which of them vanish there. */
-double *lmoc_page_signs(lmoc_page *p, int count);
-double lmoc_page_root(lmoc_page *p, double before, double end);
+/* Functions whose change of sign ends a piece that begins with the state: how many, and how many of them are of laws; the signs
+   that they begin with, 0 where it is that of their value; their values for a state. */
+int lmoc_page_roots(lmoc_page *p, double time);
+int lmoc_page_law_roots(const lmoc_page *p);
+double *lmoc_page_sides(lmoc_page *p);
+double *lmoc_page_root_values(lmoc_page *p, double time);
+
+/* Follow them from the state at a time on. The time within the last step at which one of them comes to have another sign, where
+   the answer is the state: infinity where none does, -infinity where there are no values, NaN where there is no memory; and
+   which of them vanish there. */
+void lmoc_page_follow(lmoc_page *p, double time);
+double lmoc_page_root(lmoc_page *p);
 uint8_t *lmoc_page_which(lmoc_page *p);
 
 /* Events. What they ask and change stands in the state; what it comes to is that of an instant, or of hops. The host sets
@@ -83,12 +93,6 @@ void lmoc_page_turn_early(lmoc_page *p);
 void lmoc_page_flip(lmoc_page *p);                          /* … which this lets them do */
 void lmoc_page_leave_zero(lmoc_page *p);
 
-/* Functions of roots: how many, their sides, their values for the state, and at the end of a step. */
-int lmoc_page_edges(const lmoc_page *p);
-void lmoc_page_sides(lmoc_page *p, double *out);
-void lmoc_page_edge_values(lmoc_page *p, double time, double *out);
-void lmoc_page_followed(lmoc_page *p);
-
 /* Laws. Registers with all of them open, and as the mode that holds says; what happens is 0 or why there is no way, as of
    `law_run.h`, and the answer is the state behind it. The host writes which root functions vanish, (2 laws,). */
 void lmoc_page_begin_laws(lmoc_page *p, double moment);
@@ -102,10 +106,6 @@ int lmoc_page_look_at_laws(lmoc_page *p, double time);      /* with the discrete
 int lmoc_page_laws_answer(lmoc_page *p, double time, int jumped);  /* … what follows from those behind it */
 int lmoc_page_laws_drift(const lmoc_page *p);
 int lmoc_page_keep(lmoc_page *p, double time, double share);
-
-/* Root functions from the state on, how many; their values for a state. */
-int lmoc_page_watch_laws(lmoc_page *p, double time);
-void lmoc_page_law_values(lmoc_page *p, double time, double *out);
 
 /* A number of a law: closed, implied, direction, push; kind, when, impulse, lost, was, is of what has happened last; whether
    it contradicts others; its gap; the law of impacts; whether it is a complementarity. */

@@ -234,10 +234,6 @@ void lmoc_page_leave_zero(lmoc_page *p) { lmoc_leave_zero(&p->events.instant, p-
 
 /* ------------------------------------------------------------------ roots */
 
-int lmoc_page_edges(const lmoc_page *p) { return (int)lmoc_roots(&p->events.instant); }
-
-void lmoc_page_sides(lmoc_page *p, double *out) { lmoc_root_sides(&p->events.instant, out); }
-
 void lmoc_page_edge_values(lmoc_page *p, double time, double *out) {
   page_events *v = &p->events;
   lmoc_instant *e = &v->instant;
@@ -246,5 +242,3 @@ void lmoc_page_edge_values(lmoc_page *p, double time, double *out) {
   lmoc_root_values(e, v->noise, out);
   if (!lost) lmoc_seen(e, v->noise);
 }
-
-void lmoc_page_followed(lmoc_page *p) { lmoc_followed(&p->events.instant); }

@@ -10,6 +10,7 @@
 #include "law_run.h"
 #include "page.h"
 #include "passage.h"
+#include "radau.h"
 #include "roots.h"
 
 /* A table as a signal: a piecewise polynomial that holds its ends, as `numerics/signals/curves.py` makes it. */
@@ -70,7 +71,12 @@ struct lmoc_page {
   lmoc_rules rules;
   lmoc_steps steps;
   lmoc_step_hook hook;
-  lmoc_finder finder;
+  lmoc_radau radau;
+  double *radau_memory;
+  int method;                         /* `page_steps.c` */
+  lmoc_finder finder;                 /* the functions whose signs end a piece: of laws first, then of events */
+  int64_t law_roots;
+  double *sides, *values;
   page_events events;
   page_laws laws;
   page_coordinates coordinates;
@@ -78,6 +84,13 @@ struct lmoc_page {
 
 /* Let the right-hand side be what is evaluated next. */
 void lmoc_page_choose(lmoc_page *p);
+
+int64_t lmoc_page_room_of_radau(lmoc_page *p);              /* doubles */
+
+/* Functions of laws from the state on, how many; their values, and those of events, for a state. */
+int lmoc_page_watch_laws(lmoc_page *p, double time);
+void lmoc_page_law_values(lmoc_page *p, double time, double *out);
+void lmoc_page_edge_values(lmoc_page *p, double time, double *out);
 
 /* Read the events behind the programs (`page_events.c`). */
 void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b);

@@ -141,20 +141,4 @@ export class DiscreteState {
   flip() {
     this.exports.lmoc_page_flip(this.page);
   }
-
-  /** The functions whose change of sign is an event: the zero functions; of a rounded one both edges. */
-  roots() {
-    const { exports, page, programs } = this;
-    const count = exports.lmoc_page_edges(page);
-    const place = (this.edges ??= exports.lmoc_page_room(8 * count));
-    programs.checked(0);
-    const out = new Float64Array(programs.buffer, place, count);
-    exports.lmoc_page_sides(page, place);
-    const value = (t, x) => {
-      programs.x.set(x);
-      exports.lmoc_page_edge_values(page, t, place);
-      return Float64Array.from(out);
-    };
-    return { signs: [...out], value, followed: () => exports.lmoc_page_followed(page) };
-  }
 }

@@ -37,13 +37,10 @@ export class HybridDynamics {
 
   /** What ends the piece that begins at a place; null where nothing does. */
   roots(t, x) {
-    const own = this.laws === null ? null : this.laws.roots(t, x);
-    if (own !== null) this.noteMode(t);
-    this.lawRoots = own === null ? 0 : own.signs.length;
-    const other = this.handler !== null && this.handler.own.zeros.count ? this.handler.discrete.roots() : null;
-    if (own === null || other === null) return own ?? other;
-    const value = (time, state) => Float64Array.from([...own.value(time, state), ...other.value(time, state)]);
-    return { signs: [...own.signs, ...other.signs], value, followed: other.followed };
+    const roots = this.scene.programs.roots(t, x);
+    if (this.laws !== null) this.noteMode(t);
+    this.lawRoots = roots?.laws ?? 0;
+    return roots;
   }
 
   /** Remember the mode that holds from a time on; at one instant the last counts. */

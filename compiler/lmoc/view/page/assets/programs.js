@@ -7,8 +7,7 @@ const FAILED = 1; // a bit of what a program returns: a nonlinear block has no s
 /** `engine` is compiled; `w` are the registers; `x`, `answer` and `atol` are as long as the state. */
 export class Programs {
   constructor(engine, code, stateCount) {
-    const host = { values: (count, times, values) => this.giveValues(count, times, values) };
-    const { exports } = new WebAssembly.Instance(engine, { host });
+    const { exports } = new WebAssembly.Instance(engine);
     exports._initialize();
     const bytes = decodeBytes(code);
     const room = exports.lmoc_page_room(bytes.length);
@@ -89,31 +88,18 @@ export class Programs {
     return found;
   }
 
-  /** Follow functions from their signs on; `values(method, time)` are theirs within a step. */
-  watch(signs, values) {
-    const place = this.exports.lmoc_page_signs(this.page, signs.length);
+  /** The functions whose signs end a piece that begins at a place: `laws` of them are of laws. Null where there are none. */
+  roots(t, x) {
+    const { exports, page, buffer } = this;
+    this.x.set(x);
+    const count = exports.lmoc_page_roots(page, t);
     this.checked(0);
-    new Float64Array(this.buffer, place, signs.length).set(signs);
-    Object.assign(this, { values, functionCount: signs.length });
-  }
-
-  giveValues(count, times, values) {
-    const at = new Float64Array(this.exports.memory.buffer, times, count);
-    const out = new Float64Array(this.exports.memory.buffer, values, count * this.functionCount);
-    at.forEach((time, k) => out.set(this.values(this.method, time), k * this.functionCount));
-  }
-
-  /** When the first of them has another sign within the last step of a method; null where none has. */
-  rootOf(method) {
-    this.method = method;
-    const found = this.exports.lmoc_page_root(this.page, method.before, method.t);
-    if (Number.isNaN(found)) throw new Error("there is no memory to look for events");
-    this.checked(0);
-    return found === Infinity ? null : found;
-  }
-
-  /** Which of so many functions vanish at the last root, as 0 and 1. */
-  vanishing(count) {
-    return [...new Uint8Array(this.buffer, this.exports.lmoc_page_which(this.page), count)];
+    if (count === 0) return null;
+    const value = (time, state) => {
+      this.x.set(state);
+      return new Float64Array(buffer, exports.lmoc_page_root_values(page, time), count).slice();
+    };
+    const signs = [...new Float64Array(buffer, exports.lmoc_page_sides(page), count)];
+    return { signs, value, laws: exports.lmoc_page_law_roots(page) };
   }
 }

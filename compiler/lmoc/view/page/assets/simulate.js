@@ -1,11 +1,8 @@
 // A run in the page: start, integrate from kink to kink and from event to event, observe.
 
 import { Watch } from "./coordinates.js";
-import { Dop853 } from "./dop853.js";
 import { nearTo } from "./discrete_state.js";
-import { Radau } from "./radau.js";
-import { RootFinder } from "./roots.js";
-import { Standing } from "./standing.js";
+import { Steps } from "./steps.js";
 import { Stopped } from "./stopped.js";
 
 const CLOCK = 16; // steps between two looks at the clock
@@ -289,33 +286,29 @@ export class Run {
     const { data, dynamics } = scene;
     const finer = this.finer * this.later;
     const factor = finer * calibration(data.refine, data.rtol * finer);
-    const tolerances = { rtol: data.rtol * factor, atol: data.atol.map((a) => a * factor) };
     const longest = (begin + end) / 2 < this.short?.until ? this.short.longest : Infinity;
     const maxStep = Math.min(scene.longest(begin, end), dynamics?.longestStep ?? Infinity, longest);
-    const finder = roots === null ? null : new RootFinder(scene, roots, begin, x);
     const place = new Float64Array(x.length);
     const kept = dynamics?.kept ?? null;
     let trying = data.refine !== null && x.length > 0;
-    let method = x.length
-      ? new Dop853(scene, begin, x, end, { ...tolerances, maxStep })
-      : new Standing(begin, x, end, maxStep);
+    let method = new Steps(scene, begin, x, end, { ...this.tolerances(factor), maxStep });
+    if (roots !== null) method.follow(roots, begin, x);
     const outputs = (last) => {
       while (this.reached < times.length && times[this.reached] <= until) {
         const time = Math.min(Math.max(times[this.reached], begin), end);
         if (time > last) return;
-        if (time === method.t) place.set(method.x);
-        else method.interpolate(time, place);
+        method.interpolate(time, place);
         this.record(times[this.reached], kept === null ? place : kept(time, place));
       }
     };
     outputs(begin);
     while (method.t < end) {
-      if (trying && method instanceof Dop853 && method.steps + method.rejected >= data.refine.trial) {
+      if (trying && !method.isImplicit && method.steps + method.rejected >= data.refine.trial) {
         trying = false;
         method = this.refined(method, begin, end, maxStep, factor);
       }
-      if (method.isStiff) method = this.stiff(method, end, tolerances, maxStep);
-      const wanted = finder === null ? times[this.reached] : -Infinity;
+      if (method.isStiff) method.stiffen(this.tolerances(factor * STIFFER));
+      const wanted = roots === null ? (times[this.reached] ?? Infinity) : -Infinity;
       if (!method.step(wanted)) {
         if (this.watch?.stuck()) return this.stopped(method, method.t, method.x, true);
         this.reason = `the run stops at t = ${method.t.toPrecision(6)} s: it has no values beyond`;
@@ -323,11 +316,11 @@ export class Run {
         return this.stopped(method, method.before, method.last, false);
       }
       if (this.reason !== "") break;
-      const found = finder === null ? null : finder.first(method);
+      const found = roots === null ? null : method.root();
       outputs(found === null ? method.t : found.t);
       if (found !== null) {
         this.count(method);
-        return { ...found, which: finder.which };
+        return found;
       }
       if (kept !== null) this.correct(method, kept(method.t, method.x, DRIFT * data.rtol));
       this.judge(method);
@@ -354,20 +347,17 @@ export class Run {
     if (this.steps + method.steps + method.rejected > this.mostSteps) this.reason = "it takes too many steps";
   }
 
-  /** Go on with an implicit method. */
-  stiff(method, end, { rtol, atol }, maxStep) {
-    this.count(method);
-    const finer = { rtol: rtol * STIFFER, atol: atol.map((a) => a * STIFFER), maxStep, firstStep: method.stepSize };
-    return new Radau(this.scene, method.t, method.x, end, finer);
+  tolerances(factor) {
+    const { rtol, atol } = this.scene.data;
+    return { rtol: rtol * factor, atol: atol.map((a) => a * factor) };
   }
 
   /** Go on with tolerances such that the errors of all steps together keep the one that was asked for. */
   refined(method, begin, end, maxStep, coarse) {
     const { data } = this.scene;
     const factor = coarse * refinement(data.refine, (method.t - begin) / Math.max(1, method.steps), end - begin);
-    const finer = { rtol: data.rtol * factor, atol: data.atol.map((a) => a * factor), maxStep, firstStep: method.stepSize };
     this.count(method);
-    return new Dop853(this.scene, method.t, method.x, end, finer);
+    return new Steps(this.scene, method.t, method.x, end, { ...this.tolerances(factor), maxStep, firstStep: method.stepSize });
   }
 
   count(method) {

@@ -40,22 +40,6 @@ export class LawSwitching {
     new Float64Array(this.programs.buffer, this.exports.lmoc_page_errors(this.page), errors.length).set(errors);
   }
 
-  /** The functions that are positive as long as the mode holds: one a law, two for stuck friction. */
-  roots(t, x) {
-    const { programs, exports, page } = this;
-    programs.x.set(x);
-    const count = exports.lmoc_page_watch_laws(page, t);
-    const place = (this.functions ??= exports.lmoc_page_room(16 * this.count));
-    programs.checked(0);
-    const out = new Float64Array(programs.buffer, place, count);
-    const value = (time, state) => {
-      programs.x.set(state);
-      exports.lmoc_page_law_values(page, time, place);
-      return Float64Array.from(out);
-    };
-    return { signs: Array(count).fill(1), value };
-  }
-
   /** The laws whose forces have a lower limit as well. */
   stuckFriction() {
     const [closed, complementary] = [this.all("closed"), this.all("complementary")];
