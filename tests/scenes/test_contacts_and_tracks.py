@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import lmoc
+from lmoc.view.page.hands import elsewhere
 
 G = 9.81
 
@@ -276,6 +277,7 @@ def test_a_disk_rolls_in_a_bowl_or_slides():
     bowl = circle(2, -1.5, 1.5, 31)
     parts = f"Body d(m = 2, J = 0.04, {fixed(theta=0)}); DiskTrack k(points = {bowl}, r = 0.2, {fixed(s=5, v=0)}"
     r = run(parts + ");", "connect(k.disk, d.frame);", stop=2)
+    assert "der(k.s)" in r.states and elsewhere(r, r) == {}  # a derivative is no variable, and a state of a page
     begin = np.arctan2(r["d.x"][0], -r["d.y"][0])
     angle, _ = solution(lambda t, z: [z[1], -G * sin(z[0]) / (1.5 * 1.8)], [begin, 0], 2)
     assert np.arctan2(r["d.x"], -r["d.y"])[-1] == pytest.approx(angle, abs=1e-4)

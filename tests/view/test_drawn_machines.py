@@ -127,3 +127,27 @@ def test_a_differential_has_its_drive_across_and_its_sides_along_the_axle():
     )
     assert len([i for i in locked.items if i.part in ("l", "r") and i.symbol == "disk"]) == 2
     assert len([i for i in locked.items if i.symbol == "continuation"]) >= 2
+
+
+def test_a_planetary_gear_shows_its_wheels_and_which_shaft_is_which():
+    found = drawn(
+        f"Inertia s(J = 1, {REST}); Inertia c(J = 2); PlanetaryGear gear(ratio = 3); FixedShaft held;",
+        "connect(s.shaft, gear.sun); connect(gear.carrier, c.shaft); connect(gear.ring, held.shaft);",
+    )
+    ring, *wheels = (s for s in of(found, "gear", "box").shapes if isinstance(s, Circle))
+    sun = wheels.pop()
+    assert len(wheels) == 3 and 3 * sun.radius == pytest.approx(ring.radius)
+    for one in wheels:
+        away = hypot(one.centre[1] - sun.centre[1], one.centre[2] - sun.centre[2])
+        assert away == pytest.approx(sun.radius + one.radius) == pytest.approx(ring.radius - one.radius)
+    letters = {i.shapes[0].text for i in found.items if i.symbol == "label" and i.part == "gear"}
+    assert letters == {"s", "c", "r"}
+
+
+def test_a_rope_ends_on_the_side_of_its_drum_where_it_comes_up():
+    found = drawn(
+        f"Inertia d(J = 1, {REST}); Drum drum(r = 0.2); Pulley rope; Fixed crane; Mass load(m = 8, g = -9.81);",
+        "connect(d.shaft, drum.shaft); connect(drum.flange, rope.a); connect(crane.flange, rope.b);"
+        "connect(rope.axle, load.flange);",
+    )
+    assert not [i for i in found.items if i.symbol == "continuation"]

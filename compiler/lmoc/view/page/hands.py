@@ -136,10 +136,8 @@ def elsewhere(run: Result, held: Result) -> dict[str, float]:
 
 
 def _sampled_states(run: Result) -> np.ndarray:
-    """Return the states at some of the times, the first among them: they are there whatever is kept."""
-    variables = np.array([run.flat.find(name)[0] for name in run.states], int)
-    parts = (p for p in run.trajectory.segments if len(p.samples[0]))
-    return np.concatenate([p.observer(variables, *p.samples, lasting=True) for p in parts])
+    """Return the states at some of the times, the first among them, as long as they are the coordinates."""
+    return np.concatenate([p.samples[1] for p in run.trajectory.segments if list(p.coordinates) == run.states])
 
 
 def of_origin(numbers: np.ndarray, run: Result, held: Result) -> np.ndarray:

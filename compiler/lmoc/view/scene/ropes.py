@@ -201,7 +201,7 @@ def _side_by_side(rope: Rope, hanging: Hanging) -> Block:
     for k, (joint, r) in enumerate(zip(joints, radius)):
         level = depth if joint.below else 0.0
         counted = _counted(joint, nodes[k], nodes[k + 1], hanging)
-        block = block.beside(_joint(counted, r, ceiling, hanging).at(x[k] + r, level))
+        block = block.beside(_joint(counted, r, ceiling, hanging, nodes[k + 1] is None).at(x[k] + r, level))
     items: list[Item] = []
     for k, node in enumerate(nodes):
         if node is None:
@@ -300,11 +300,12 @@ def _columns(joints: Sequence[Joint], contents: Sequence[Block], loads: Mapping[
     return x
 
 
-def _joint(joint: Joint, radius: float, ceiling: float, hanging: Hanging) -> Block:
-    """A wheel or a pulley at (0, 0), with its support."""
+def _joint(joint: Joint, radius: float, ceiling: float, hanging: Hanging, ends: bool) -> Block:
+    """A wheel or a pulley at (0, 0), with its support; where the rope `ends` on it, it has come up on the left."""
     part = joint.elements[0].name
     over = (3.14159, 6.28318) if joint.below else (3.14159, 0.0)
-    over = over if len(joint.ends) == 2 else (1.2, 0.0)
+    if len(joint.ends) == 1:
+        over = (1.94159, 3.14159) if ends else (1.2, 0.0)
     rope = Path(arc(radius, *over), colour="string", width=1.4)
     met = joint.ends if joint.axle is None else (*joint.ends, joint.axle)
     string = Item("string", part, (Anchor(0, 0),), (rope,), nodes=met)

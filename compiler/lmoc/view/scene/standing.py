@@ -42,10 +42,26 @@ def goes_on(node: int, end: Anchor) -> Item:
 
 
 def hub(layout: Layout, node: int, low: float, high: float) -> None:
-    """Draw a part with three ports or more as a box with its name."""
+    """Draw a part with three ports or more as a box with its name, a planetary gear with its wheels in the box."""
     element, tall = layout.strip.hubs[node], (high - low) / 2 + 16
     corners = rectangle(layout, layout.half[node], -tall, tall)
-    layout.items.append(symbols.box("box", element.name, layout.end(node), corners, layout.names.called(element)))
+    made = symbols.box("box", element.name, layout.end(node), corners, layout.names.called(element))
+    if element.symbol == "planetary-gear":
+        made = replace(made, shapes=symbols.planetary(corners, made.shapes))
+        _name_ports(layout, node, element)
+    layout.items.append(made)
+
+
+def _name_ports(layout: Layout, node: int, element: Element) -> None:
+    """Write the first letters of ports beside the box where they leave it."""
+    lines = [(b if a == node else a, k) for k, (_, a, b, _) in enumerate(layout.parts) if node in (a, b)]
+    left = list(element.ports)
+    for other, k in sorted(lines, key=lambda line: all(p.node != line[0] for p in left)):  # a wall's piece has no port
+        port = next((p for p in left if p.node == other), left[0])
+        left.remove(port)
+        side = 1 if layout.rows.along[other] > layout.rows.along[node] else -1
+        at = layout.end(node, side * (layout.half[node] + 8.0), layout.rows.row[k] * layout.pitch)
+        layout.labels.append(symbols.label(port.name[0], at, 0.0, -10.0, "middle", element.name, "muted"))
 
 
 def wall(layout: Layout, node: int, held: Element, low: float, high: float) -> None:

@@ -190,6 +190,23 @@ def gearbox(part: str, a: Anchor, b: Anchor, symbol: str, variables: dict | None
     return Item(symbol, part, (a, b), shapes, Turn(), variables or {})
 
 
+def planetary(corners: tuple[float, float, float, float], boxed: Sequence[Shape]) -> tuple[Shape, ...]:
+    """A ring, three planets and a sun seen along their axis, in a box above its name."""
+    left, top, right, bottom = corners
+    radius = min((right - left) / 2 - 4, (bottom - top) / 2 - 14)
+    x, y = (left + right) / 2, (top + bottom) / 2 - 8
+    wheel = radius / 3.0
+    places = [(x + 2 * wheel * cos(a), y + 2 * wheel * sin(a)) for a in (-pi / 2, pi / 6, 5 * pi / 6)]
+    box, name = boxed
+    return (
+        box,
+        Circle((0, x, y), radius, "paper"),
+        *(Circle((0, *place), wheel, "paper") for place in places),
+        Circle((0, x, y), wheel, "body"),
+        replace(name, at=(0, x, y + radius + 10)),
+    )
+
+
 def belt(part: str, a: Anchor, b: Anchor, symbol: str, crossed: bool) -> Item:
     """A belt or a chain over two wheels, between the shafts that end in their middles."""
     half = _length(a, b) / 2
