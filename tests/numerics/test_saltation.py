@@ -7,8 +7,11 @@ import pytest
 from conftest import ROOT
 
 import lmoc
+from lmoc import simulation
 from lmoc.cli.main import main
 from lmoc.messages.diagnostics import ModelError
+from lmoc.numerics.events.occasion import START, Occasion
+from lmoc.numerics.options.options import RunOptions
 
 
 def _differences(function, values, name):
@@ -444,3 +447,18 @@ def test_an_output_at_an_instant_that_moves_has_two_derivatives():
         dae.simulate(times=[0, 0.25, 0.5], rtol=1e-9, sensitivities="k").sensitivity("y", "k")
     beside = dae.simulate(times=[0, 0.499, 0.501, 1], rtol=1e-9, sensitivities="k")
     assert beside.sensitivity("y", "k") == pytest.approx([0, 0, 1 / 4, 1 / 4], abs=1e-7)
+
+
+def test_before_the_laws_have_taken_their_modes_none_of_them_is_watched():
+    """A stop and a condition: functions of events at the start are those of the condition alone."""
+    when = "when ball.q > 0.2 then seen = time; end when;"
+    ball = CEILING.replace("equation\n", f"  discrete Real seen;\nequation\n{when}\n")
+    occasions: list[Occasion] = []
+    request = simulation.Request(RunOptions(stop=0.1), occasions=occasions)
+    simulation.simulate(lmoc.compile_text(ball)._session, request)
+    first, dynamics = occasions[0], occasions[0].dynamics
+    memory, x = first.memory, first.outcome.x
+    assert first.segment == START
+    discrete = np.zeros(len(memory.plan.reduced.flat.events.discrete))
+    dynamics.recall(memory, memory.values, memory.open, memory.push, discrete, 0.0)
+    assert dynamics.heights()(np.zeros(1), x[None]) == pytest.approx([[-0.2]])

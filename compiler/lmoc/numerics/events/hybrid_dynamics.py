@@ -136,7 +136,8 @@ class HybridDynamics:
         What it has returned last counts, no other.
         """
         base, laws, handler = self.base(), self.laws, self.handler
-        read = None if laws is None else laws.reader(base, self.signals)
+        watched = laws is not None and self._law_roots > 0  # before the laws have taken their modes nothing is
+        read = laws.reader(base, self.signals) if watched else None
         if handler is not None:
             handler.discrete.base[: len(base)] = base
             handler.discrete.push()
@@ -147,7 +148,7 @@ class HybridDynamics:
                 found.append(laws.run.values(read(times, states), self._law_roots))
             if handler is not None:
                 found.append(handler.discrete.heights(times, states))
-            return np.concatenate(found, axis=1)
+            return np.concatenate(found, axis=1) if found else np.zeros((len(times), 0))
 
         return values
 
