@@ -173,10 +173,11 @@ def recalled_or_compiled(file: str, scene: Scene, clock: Clock) -> tuple[FlatDAE
 
     from lmoc.parameters import indexed
     from lmoc.sources.compiled import Compiled
+    from lmoc.sources.opened import is_class_name
 
     kept = None
     with clock.stage("parse"):
-        if os.path.isfile(file) and os.environ.get("LMOC_CHECK", "") in ("", "0"):
+        if (os.path.isfile(file) or is_class_name(file)) and os.environ.get("LMOC_CHECK", "") in ("", "0"):
             kept = Compiled(file, (scene.model, scene.parameters, scene.states, scene.path))
             found = kept.read()
             if found is not None:
@@ -184,9 +185,9 @@ def recalled_or_compiled(file: str, scene: Scene, clock: Clock) -> tuple[FlatDAE
     scene = open_scene(file, scene, clock)
     flat = flatten(scene, clock)
     reduced = reduce(flat, flat.parameter_values(indexed(flat, flat.overrides)), scene.states, clock)
-    alone = len(scene.files) == 1 and not scene.files[0].within and all(folder.unused for folder in scene.folders)
-    if kept is not None and alone and not os.path.basename(file).startswith("package."):
-        kept.write(flat, reduced, [folder.path for folder in scene.folders])
+    alone = all(not one.within for one in scene.files) and not os.path.basename(file).startswith("package.")
+    if kept is not None and alone:
+        kept.write(flat, reduced, scene.folders)
     return flat, reduced, scene
 
 

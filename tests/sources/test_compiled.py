@@ -42,11 +42,11 @@ def period(k: float) -> float:
     return math.cos(math.sqrt(k) * math.pi / 2)
 
 
-def recalled(path, **options):
+def recalled(path, /, **options):
     return compilation.recalled_or_compiled(str(path), compilation.scene_of(**options))
 
 
-def position(path, **options) -> float:
+def position(path, /, **options) -> float:
     run = recalled(path, **options).simulate(times=[1.5707963267948966], rtol=1e-9)
     return float(run["m.q"][-1])
 
@@ -113,13 +113,30 @@ def test_a_folder_on_the_path_that_appears(scene, flattened, monkeypatch, tmp_pa
     assert len(flattened) == 2
 
 
-def test_what_takes_a_class_from_a_folder_is_not_kept(scene, flattened):
+def test_a_class_of_a_folder(scene, flattened):
     (scene.parent / "Heavy.lmo").write_text("model Heavy extends Mass(m = 1); end Heavy;")
     scene.write_text(SCENE.replace("Mass m(m = 1, ", "Heavy m("))
-    assert position(scene) == pytest.approx(-1, abs=1e-7)
+    assert position(scene) == position(scene) == pytest.approx(-1, abs=1e-7)
+    assert len(flattened) == 1
     (scene.parent / "Heavy.lmo").write_text("model Heavy extends Mass(m = 4); end Heavy;")
     assert position(scene) == pytest.approx(0, abs=1e-7)
     assert len(flattened) == 2
+
+
+def test_a_class_of_a_package_by_its_name(scene, flattened, tmp_path):
+    package = tmp_path / "lib" / "P"
+    package.mkdir(parents=True)
+    (package / "package.mo").write_text("package P constant Real k = 4; end P;")
+    (package / "M.mo").write_text("within P; " + SCENE.replace("k = 4", "k = P.k"))
+    run = {"path": str(tmp_path / "lib")}
+    assert position("P.M", **run) == position("P.M", **run) == pytest.approx(-1, abs=1e-7)
+    assert len(flattened) == 1
+    (package / "package.mo").write_text("package P constant Real k = 9; end P;")
+    assert position("P.M", **run) == position("P.M", **run) == pytest.approx(period(9), abs=1e-7)
+    assert len(flattened) == 2
+    (package / "Mass.mo").write_text("within P; model Mass extends .Mass; end Mass;")  # hides the library's
+    assert position("P.M", **run) == pytest.approx(period(9), abs=1e-7)
+    assert len(flattened) == 3
 
 
 def test_a_damaged_entry_is_made_again(scene, flattened, tmp_path):

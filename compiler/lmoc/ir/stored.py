@@ -7,6 +7,7 @@ is code: reading makes arrays, interned expressions, and instances of dataclasse
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from importlib import import_module
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from lmoc.expression.dag import Expr, interned, postorder
+from lmoc.messages.source import Source
 
 _PACKAGE = "lmoc."
 _PLAIN = (type(None), bool, int, float, str)
@@ -24,22 +26,26 @@ class NotStorable(Exception):
     """There is something in it that is no data, such as a function."""
 
 
-def store(root: object) -> bytes:
+def store(root: object, texts: Sequence[Source] = ()) -> bytes:
     """Return a structure as bytes.
+
+    Parameters
+    ----------
+    texts : that are known when it is read: they are not stored
 
     Raises
     ------
     NotStorable
     """
-    writer = _Writer()
+    writer = _Writer(texts)
     value = writer.value(root)
     head = {"classes": writer.classes, "arrays": writer.heads, "objects": writer.objects, "root": value}
     text = json.dumps(head, separators=(",", ":")).encode()
     return len(text).to_bytes(8, "little") + text + b"".join(writer.blobs)
 
 
-def restore(stored: bytes | memoryview) -> Any:
-    """Return the structure that `store` has made the bytes of.
+def restore(stored: bytes | memoryview, texts: Sequence[Source] = ()) -> Any:
+    """Return the structure that `store` has made the bytes of, with the same texts.
 
     Raises
     ------
@@ -47,13 +53,14 @@ def restore(stored: bytes | memoryview) -> Any:
         They are not such bytes, or those of another version of this package.
     """
     size = int.from_bytes(stored[:8], "little")
-    return _Reader(json.loads(bytes(stored[8 : 8 + size])), bytearray(stored[8 + size :])).root()
+    return _Reader(json.loads(bytes(stored[8 : 8 + size])), bytearray(stored[8 + size :]), texts).root()
 
 
 class _Writer:
     """Collects objects. Plain values stand for themselves, others are lists that begin with a letter for their kind."""
 
-    def __init__(self) -> None:
+    def __init__(self, texts: Sequence[Source]) -> None:
+        self._texts = {(text.name, text.text): k for k, text in enumerate(texts)}
         self.objects: list[list[Any]] = []
         self.classes: list[str] = []
         self.heads: list[list[Any]] = []
@@ -95,6 +102,8 @@ class _Writer:
             self.heads.append([item.dtype.str, item.shape])
             self.blobs.append(item.tobytes())
             return ["a", len(self.heads) - 1]
+        if type(item) is Source and (item.name, item.text) in self._texts:
+            return ["s", self._texts[item.name, item.text]]
         if is_dataclass(item) and type(item).__module__.startswith(_PACKAGE):
             record = [self._class_of(type(item)), *(self.value(getattr(item, f.name)) for f in fields(item))]
         else:
@@ -110,7 +119,8 @@ class _Writer:
 
 
 class _Reader:
-    def __init__(self, head: dict[str, Any], blob: bytearray) -> None:
+    def __init__(self, head: dict[str, Any], blob: bytearray, texts: Sequence[Source]) -> None:
+        self.texts = texts
         self.classes = [_class(name) for name in head["classes"]]
         self.names = [[f.name for f in fields(c)] if is_dataclass(c) else [] for c in self.classes]
         self.arrays, at = [], 0
@@ -134,6 +144,8 @@ class _Reader:
             return self.objects[item[1]]
         if kind == "a":
             return self.arrays[item[1]]
+        if kind == "s":
+            return self.texts[item[1]]
         if kind == "t":
             return tuple([self.value(v) for v in item[1:]])
         if kind == "e":

@@ -5,7 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache as once
 from typing import Any, TypeVar
 from zlib import crc32
@@ -28,7 +29,7 @@ def kept(entry: str, texts: Sequence[str], make: Callable[[], T]) -> T:
     found: T | None = unpacked(data) if data else None
     if found is None:
         found = make()
-        cache.write(entry, key, pickle.dumps(found, protocol=5))
+        cache.write(entry, key, packed(found))
     return found
 
 
@@ -64,14 +65,28 @@ def _program() -> bytes:
     return cache.fingerprint(*files)
 
 
+def packed(trees: Any) -> bytes:
+    """Return trees as they stand in a file of the cache."""
+    with _without_garbage():
+        return pickle.dumps(trees, protocol=5)
+
+
 def unpacked(data: bytes) -> Any:
     """Return the trees in a file of the cache; None if they cannot be made from it."""
-    collecting = gc.isenabled()
-    gc.disable()  # thousands of objects that all stay: looking for garbage among them doubles the time
     try:
-        return pickle.loads(data)
+        with _without_garbage():
+            return pickle.loads(data)
     except Exception:  # whatever is wrong with it, the text can be parsed
         return None
+
+
+@contextmanager
+def _without_garbage() -> Iterator[None]:
+    """Do not look for garbage among thousands of objects that all stay: it doubles the time."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
     finally:
         if collecting:
             gc.enable()

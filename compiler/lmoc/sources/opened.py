@@ -55,10 +55,10 @@ def open_files(named: Named, path: Named | None = None) -> Opened:
     if not names:
         raise refusal("E0610", "no file is given", hint="name the file of the scene")
     searched = folders_of_path(path)
-    classes = [str(name) for name in names if _is_class_name(name)]
+    classes = [str(name) for name in names if is_class_name(name)]
     if len(classes) > 1:
         raise refusal("E0610", f"neither '{classes[0]}' nor '{classes[1]}' is a file", hint="name one class at most")
-    sources = [read_source(package_file(Path(name)) or name) for name in names if not _is_class_name(name)]
+    sources = [read_source(package_file(Path(name)) or name) for name in names if not is_class_name(name)]
     report = Report()
     files = tuple(parse_classwise(source, report) for source in sources)
     report.check()
@@ -86,7 +86,7 @@ def folders_of_path(path: Named | None) -> tuple[Folder, ...]:
     return _distinct([Folder(Path(name), library=True) for name in (*given, *around)])
 
 
-def _is_class_name(name: str | os.PathLike[str]) -> bool:
+def is_class_name(name: str | os.PathLike[str]) -> bool:
     """Return whether a name that is no file's can be that of a class."""
     if not isinstance(name, str) or not _CLASS_NAME.fullmatch(name) or name.endswith(SUFFIXES):
         return False

@@ -11,7 +11,7 @@ from dataclasses import field
 from pathlib import Path
 
 from lmoc.messages.diagnostics import Diagnostic, Label, ModelError, Report, nearest
-from lmoc.messages.source import Span
+from lmoc.messages.source import Source, Span
 from lmoc.sources.files import PACKAGE, SUFFIXES, class_files, package_file, read_source, refusal
 from lmoc.sources.kept import package_file_tree
 from lmoc.support.records import dataclass
@@ -53,6 +53,7 @@ class Folder:
     library: bool = False
     _entries: dict[str, list[str]] | None = None
     _found: dict[str, Found | None] = field(default_factory=dict)
+    sources: list[Source] = field(default_factory=list)  # of the files that have been read
 
     def names(self) -> Iterator[str]:
         """Yield the names of the classes, in the order of ``package.order`` and then of the alphabet."""
@@ -75,10 +76,13 @@ class Folder:
             self._found[name] = self._read(name, entries) if entries else None
         return self._found[name]
 
-    @property
-    def unused(self) -> bool:
-        """Return whether no class has been found in it so far."""
-        return not any(self._found.values())
+    def consulted(self) -> Iterator[Folder]:
+        """Yield this folder and those of packages inside of it, as far as something has been looked for there."""
+        if self._entries is not None:
+            yield self
+        for found in self._found.values():
+            if found is not None and found.folder is not None:
+                yield from found.folder.consulted()
 
     def _listing(self) -> dict[str, list[str]]:
         """File names by the class that they are named after."""
@@ -101,7 +105,9 @@ class Folder:
         try:
             report = Report()
             read = package_file_tree if folder is not None or self.within else parse_classwise
-            parsed = read(read_source(file), report)
+            source = read_source(file)
+            self.sources.append(source)
+            parsed = read(source, report)
         except ModelError as error:
             return Found(diagnostics=error.diagnostics)
         definition = next((c for c in parsed.classes if c.name == name), None)

@@ -38,6 +38,11 @@ class Node:
     def __hash__(self) -> int:
         return hash((type(self), *(getattr(self, name) for name in self.__slots__)))
 
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """For the trees in the cache: pickle's own way for dataclasses with slots takes twice as long."""
+        kind = type(self)
+        return kind, tuple([getattr(self, name) for name in kind.__slots__])
+
     def __repr__(self) -> str:
         fields = ", ".join(f"{name}={getattr(self, name)!r}" for name in self.__slots__)
         return f"{type(self).__name__}({fields})"
