@@ -332,8 +332,8 @@ def test_an_interruption_between_a_step_and_the_search_for_its_roots(solver, mon
         Stop s(L = 0, e = 0.9); Fixed w; equation connect(w.flange, s.a); connect(s.b, m.flange); end Ball;""")
     first = RootFinder.first
 
-    def interrupted(finder, run):
-        found = first(finder, run)
+    def interrupted(finder, run, end):
+        found = first(finder, run, end)
         if found is not None and found[0] > 0.5:
             raise KeyboardInterrupt
         return found

@@ -55,6 +55,7 @@ class Call(ctypes.Structure):
         ("marked", ctypes.c_int64),
         ("last", ctypes.c_void_p),
         ("samples", ctypes.c_void_p),
+        ("tables", ctypes.c_void_p),
     ]
 
 
@@ -193,10 +194,10 @@ class Kernel:
 
         Parameters
         ----------
-        sampled : inputs that stand behind the states
+        sampled : inputs that stand behind the states; None where Python gives none
         rescue : called where Newton's method finds no solution in C; whether it has put one into the registers
         """
-        key = np.concatenate([states, derivatives]).tobytes()
+        key = np.concatenate([states, derivatives]).tobytes() + (b"" if sampled is None else sampled.tobytes())
         if key not in self._calls:
             self._calls[key] = self._new_call(states, derivatives, sampled, rescue)
         return self._calls[key]
@@ -218,7 +219,7 @@ class Kernel:
             memory.ctypes.data, memory[3 * len(self.unknowns) :].ctypes.data, 0.0,
             RESCUE() if rescue is None else RESCUE(rescue), last=self._last.ctypes.data,
         )  # fmt: skip
-        call.tables, call.reference = (tables, memory), ctypes.byref(call)  # kept alive with it
+        call.kept, call.reference = (tables, memory), ctypes.byref(call)  # kept alive with it
         return call
 
     def mark(self, call: Call) -> None:

@@ -30,6 +30,8 @@ _FUNCTIONS = {
     "lmoc_dop853_walk": (_INT, [_POINTER]),
     "lmoc_dop853_restart": (None, [_POINTER]),
     "lmoc_dop853_abreast": (_COUNT, [_POINTER]),
+    "lmoc_dop853_pass": (None, [_POINTER] * 2),
+    "lmoc_taylor_pass": (None, [_POINTER] * 3),
     "lmoc_look": (_INT, [_POINTER, _REAL, _POINTER, _INT]),
     "lmoc_land_many": (_INT, [_POINTER, _COUNT, _POINTER, _POINTER]),
     "lmoc_keep": (None, [_POINTER]),

@@ -52,6 +52,7 @@ def series_of(program: Program, registers: int, size: int, states: np.ndarray, w
     Parameters
     ----------
     registers : of the program
+    states : registers whose series are given: states, and inputs
     size : of its own tape, behind which there is room
     wanted : registers whose series are needed, beside those of the states
 

@@ -3,6 +3,7 @@
 #ifndef LMOC_ENGINE_H
 #define LMOC_ENGINE_H
 
+#include "tables.h"
 #include "tape.h"
 
 typedef struct lmoc_call {
@@ -19,6 +20,7 @@ typedef struct lmoc_call {
   int64_t marked;               /* whether a solution has been marked; it stands behind the others */
   const struct lmoc_call **last;  /* whose last solution stands in the registers, which several may share; or 0 */
   const double *samples;        /* values of those inputs at the stages of a step */
+  const lmoc_tables *tables;    /* tables that inputs follow; or 0 */
 } lmoc_call;
 
 /* Run the program for some states. Nonlinear blocks start from their last solution and stay near it; where that is

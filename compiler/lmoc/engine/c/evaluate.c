@@ -2,7 +2,10 @@
 
 #include "engine.h"
 
-static int run(const lmoc_call *c, double time) { return c->tape->run(time, c->w, c->tape); }
+static int run(const lmoc_call *c, double time) {
+  if (c->tables) lmoc_tables_fill(c->tables, time, c->w);
+  return c->tape->run(time, c->w, c->tape);
+}
 
 static void given(lmoc_call *c, const double *x) {
   if (c->first_state >= 0) memcpy(c->w + c->first_state, x, c->given * sizeof(double));

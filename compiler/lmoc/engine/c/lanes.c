@@ -64,7 +64,7 @@ static void with_dop853(const lanes *l, int64_t lane) {
   const int64_t n = l->call->n;
   lmoc_steps *s = l->steps;
   leg *g = l->legs + lane;
-  double *x = l->x + lane*n, check = 0;
+  double *x = l->x + lane*n;
   prepare(l, lane, 0);
   memcpy(s->x, x, n * sizeof(double));
   s->atol = l->atol + lane*n;
@@ -72,23 +72,10 @@ static void with_dop853(const lanes *l, int64_t lane) {
   s->end = l->end;
   s->max_step = l->longest;
   s->patience = l->patience;
-  s->t = s->before = s->cuts_since = g->time;
-  s->length = s->error = s->stiffness = s->stiff_count = s->calm_count = s->careful = s->cuts = 0;
-  s->pending = s->staged = s->lost = 0;
-  s->grow = s->rules->grow;
-  lmoc_derivatives(l->call, g->time, s->x, s->f);
-  for (int64_t i = 0; i < n; i++) check += s->f[i] * 0;
-  if (check != 0) {
+  s->t = g->time;
+  if (!lmoc_dop853_begin(s, g->step)) {
     g->found = LMOC_LOST;
     return;
-  }
-  s->step_size = g->step;
-  if (!(g->step < INFINITY)) {
-    const double span = l->end - g->time;
-    const double h = lmoc_first_trial(n, span, l->longest, s->rules->least, g->rtol, s->atol, s->x, s->f);
-    for (int64_t i = 0; i < n; i++) s->x_new[i] = s->x[i] + h*s->f[i];
-    lmoc_derivatives(l->call, g->time + h, s->x_new, s->k);
-    s->step_size = lmoc_first_step(n, h, span, g->rtol, s->atol, s->x, s->f, s->k);
   }
   const double begin = g->time;
   int64_t allowed = g->most;

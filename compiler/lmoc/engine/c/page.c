@@ -8,27 +8,8 @@ enum { RESERVE = 1 << 23 }; /* bytes for factors of matrices that fill in later,
 
 /* ------------------------------------------------------------------ signals */
 
-/* The value at a time; where the curve jumps, that behind the jump. */
-static double curve_at(const curve *c, double t) {
-  const int64_t last = c->knot_count - 1;
-  int64_t low = 0, high = last;
-  if (t < c->knots[0] || t > c->knots[last] || (t == c->knots[last] && c->order == 0))
-    return c->order > 0 ? 0 : c->ends[t >= c->knots[last]];
-  while (high - low > 1) {
-    const int64_t middle = (low + high) / 2;
-    if (c->knots[middle] <= t) low = middle;
-    else high = middle;
-  }
-  const double between = c->knots[low + 1] - c->knots[low], length = between != 0 ? between : 1;
-  const double u = (t - c->knots[low]) / length;
-  double value = 0, unit = 1;
-  for (int64_t k = c->degrees - 1; k >= 0; k--) value = value*u + c->coefficients[low*c->degrees + k];
-  for (int64_t k = 0; k < c->order; k++) unit *= length;
-  return c->order > 0 ? value / unit : lmoc_min(lmoc_max(value, c->low[low]), c->high[low]);
-}
-
 void lmoc_page_sample(lmoc_page *p, double time) {
-  for (int64_t k = 0; k < p->curve_count; k++) p->w[p->curves[k].place] = curve_at(p->curves + k, time);
+  lmoc_tables_fill(&p->tables, time, p->w);
 }
 
 static int run_with_signals(double time, double *w, const lmoc_tape *t) {
@@ -40,12 +21,12 @@ static int run_with_signals(double time, double *w, const lmoc_tape *t) {
 
 uint8_t *lmoc_page_room(int size) { return malloc((size_t)size + 1); }
 
-static void read_curves(lmoc_page *p, lmoc_bytes *b) {
+static void read_tables(lmoc_page *p, lmoc_bytes *b) {
   int64_t count;
-  p->curve_count = lmoc_read_integer(b);
-  p->curves = calloc((size_t)p->curve_count + 1, sizeof(curve));
-  for (int64_t k = 0; p->curves && !b->failed && k < p->curve_count; k++) {
-    curve *c = p->curves + k;
+  p->tables.count = lmoc_read_integer(b);
+  p->tables.table = calloc((size_t)p->tables.count + 1, sizeof(lmoc_table));
+  for (int64_t k = 0; p->tables.table && !b->failed && k < p->tables.count; k++) {
+    lmoc_table *c = p->tables.table + k;
     c->place = lmoc_read_integer(b);
     c->order = lmoc_read_integer(b);
     c->knots = lmoc_read_reals(b, &c->knot_count);
@@ -55,7 +36,7 @@ static void read_curves(lmoc_page *p, lmoc_bytes *b) {
     c->high = lmoc_read_reals(b, &count);
     c->ends = lmoc_read_reals(b, &count);
   }
-  if (!p->curves) b->failed = 1;
+  if (!p->tables.table) b->failed = 1;
 }
 
 static void read_programs(lmoc_page *p, lmoc_bytes *b) {
@@ -121,7 +102,7 @@ lmoc_page *lmoc_page_new(const uint8_t *bytes, int size) {
   p->states = lmoc_read_integers(&b, &p->n);
   p->derivatives = lmoc_read_integers(&b, &count);
   p->unknowns = lmoc_read_integers(&b, &p->unknown_count);
-  read_curves(p, &b);
+  read_tables(p, &b);
   read_method(p, &b);
   read_programs(p, &b);
   lmoc_page_read_events(p, &b);

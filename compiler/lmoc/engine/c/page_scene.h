@@ -12,12 +12,7 @@
 #include "passage.h"
 #include "radau.h"
 #include "roots.h"
-
-/* A table as a signal: a piecewise polynomial that holds its ends, as `numerics/signals/curves.py` makes it. */
-typedef struct {
-  int64_t place, order, knot_count, degrees;
-  const double *knots, *coefficients, *low, *high, *ends;
-} curve;
+#include "tables.h"
 
 /* A program, and the scene whose signals it reads: the interpreter is given its tape. */
 typedef struct {
@@ -59,8 +54,8 @@ typedef struct {
 
 struct lmoc_page {
   scene_program *programs;
-  curve *curves;
-  int64_t program_count, curve_count, size, n, unknown_count, right, branches;
+  lmoc_tables tables;
+  int64_t program_count, size, n, unknown_count, right, branches;
   int32_t *states, *derivatives, *unknowns;
   double *w, *x, *answer, *atol, *f, *begin, *aside;
   double aside_time;

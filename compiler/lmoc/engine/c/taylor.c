@@ -50,6 +50,9 @@ int LMOC_NAME(lmoc_taylor_series)(const lmoc_taylor *y, lmoc_times time, const d
   int lost = evaluate(y->call, time, x);
   if ((lost & (BIT(LMOC_LANES) - 1)) == BIT(LMOC_LANES) - 1) return lost;
   lost |= LMOC_NAME(lmoc_series_begin)(y->series, time);
+#if !LMOC_OF_LANES
+  if (y->call->tables) lmoc_tables_series(y->call->tables, time, y->series->of_register, N_SERIES, y->series->s);
+#endif
   for (int64_t k = 0; k < y->order; k++) {
     if (k) y->series->order(y->series, k);
     raise(y, k, check);

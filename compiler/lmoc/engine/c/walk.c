@@ -203,6 +203,25 @@ int lmoc_dop853_walk(lmoc_steps *s) {
   }
 }
 
+int lmoc_dop853_begin(lmoc_steps *s, double first) {
+  const int64_t n = s->call->n;
+  const double span = s->end - s->t, least = fmax(s->rules->least, 2*8e-16*fabs(s->t));
+  double check = 0;
+  s->cuts_since = s->t;
+  s->length = s->error = s->stiffness = s->stiff_count = s->calm_count = s->careful = s->cuts = 0;
+  lmoc_dop853_restart(s);
+  s->evaluations = 1;
+  for (int64_t i = 0; i < n; i++) check += s->f[i] * 0;
+  s->step_size = first;
+  if (check != 0 || first < INFINITY) return check == 0;
+  const double h = lmoc_first_trial(n, span, s->max_step, least, s->rtol, s->atol, s->x, s->f);
+  for (int64_t i = 0; i < n; i++) s->x_new[i] = s->x[i] + h*s->f[i];
+  lmoc_derivatives(s->call, s->t + h, s->x_new, s->k);
+  s->evaluations = 2;
+  s->step_size = lmoc_first_step(n, h, span, s->rtol, s->atol, s->x, s->f, s->k);
+  return 1;
+}
+
 void lmoc_dop853_restart(lmoc_steps *s) {
   s->before = s->t;
   s->pending = s->staged = s->lost = 0;

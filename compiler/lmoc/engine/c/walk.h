@@ -35,6 +35,10 @@ typedef struct {
    stays pending. Returns what the last step has; a DOUBTFUL one has been tried and stands there to be judged. */
 int lmoc_dop853_walk(lmoc_steps *s);
 
+/* Begin at `x` and `t` with a step of that length, or infinity where it is to be found; 0 where the derivatives are no
+   numbers. */
+int lmoc_dop853_begin(lmoc_steps *s, double first);
+
 /* Begin anew from where `x` and `t` stand, with a step as long as the next one would have been. */
 void lmoc_dop853_restart(lmoc_steps *s);
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Protocol
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from lmoc.engine.kernel import Call, Kernel
 from lmoc.engine.library import library
+from lmoc.engine.pieces import Passing, passing
 from lmoc.numerics.dop853 import table
 from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
 from lmoc.numerics.dop853.rules import RULES
@@ -22,7 +23,10 @@ class InEngine(RightHandSide, Protocol):
 
     kernel: Kernel
     evaluations: int
-    samplers: list[Callable[[float], float]]
+
+    @property
+    def python_inputs(self) -> int:
+        """Return how many inputs Python gives at each stage."""
 
     def shared_call(self) -> Call: ...
 
@@ -60,7 +64,7 @@ class EngineStepper(Stepper):
     """All stages of a step in one C call, or many steps."""
 
     def __init__(self, system: InEngine) -> None:
-        n, inputs = system.n, len(system.samplers)
+        n, inputs = system.n, system.python_inputs
         self.system = system
         # a state, and behind it the inputs that Python gives
         self._now, self._new, self._last = (np.zeros(n + inputs) for _ in range(3))
@@ -78,7 +82,7 @@ class EngineStepper(Stepper):
 
     @property
     def walker(self) -> EngineStepper | None:
-        return None if self.system.samplers else self
+        return None if self.system.python_inputs else self
 
     @property
     def addresses(self) -> tuple[int, int]:
@@ -90,7 +94,7 @@ class EngineStepper(Stepper):
         self.system.rhs(t, self.x, self.f)
 
     def _sample(self, t: float, h: float, first: int, last: int) -> None:
-        if self.system.samplers:
+        if self.system.python_inputs:
             times = np.append(table.C[:12], [1.0, *table.C[13:]])[first:last]
             self.system.sample_many(t + times * h, self._samples[first:last])
 
@@ -126,6 +130,13 @@ class EngineStepper(Stepper):
             kept[name] = getattr(steps, name)
         self.system.evaluations += steps.evaluations
         return Walked(found, steps.steps, steps.rejected, steps.reached)
+
+    def pass_kinks(self, kept, given, bounds, times, out, most) -> Passing:
+        self.system.note_work()
+        steps, own = self.loaded(kept, given), passing(self._call, bounds, times, out, most)
+        self._library.lmoc_dop853_pass(ctypes.byref(steps), ctypes.byref(own))
+        self.system.evaluations += own.evaluations
+        return own
 
     def loaded(self, kept: Mapping[str, float], given: Mapping[str, float | None]) -> Steps:
         """Return the state of the method in C, with what Python keeps of it and what is asked for."""

@@ -10,10 +10,12 @@ import numpy as np
 from lmoc.engine.accelerator import TapeAccelerator
 from lmoc.engine.kernel import Call, Kernel
 from lmoc.engine.library import address
+from lmoc.engine.tables import Tables
 from lmoc.ir.program import Program
 from lmoc.lower.blocks import derivatives_tape, values_tape
 from lmoc.lower.tape import Tape
 from lmoc.numerics.evaluate.engine_stepper import EngineStepper
+from lmoc.numerics.evaluate.function import tables_of
 from lmoc.numerics.evaluate.opened import open_blocks
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.stepper import Stepper
@@ -102,6 +104,7 @@ class EngineSystem(System):
         self.w = self.kernel.w[: tape.registers]
         self._accelerated, self._noted = False, 0
         self._x = np.zeros(self.n + len(plan.sampled))
+        self._tables: Tables | None = None  # of the inputs, where all of them follow tables
         self._own = self._call(np.arange(self.n))
         self._seeds = np.zeros(0)
         self._retries = Retries()
@@ -116,7 +119,10 @@ class EngineSystem(System):
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         self.note_work()
+        before = self._sampled
         super().prepare(base, signals)
+        if self._sampled != before:
+            self._follow_tables()
         self._noted = 0
         self.w[: self.plan.count] = base
         self.kernel.forget()
@@ -126,6 +132,15 @@ class EngineSystem(System):
         self._seeds = self.w[self.kernel.unknowns]
         if self._dae is not None:
             self._dae.parameters[:] = base[self.plan.parameters]
+
+    def _follow_tables(self) -> None:
+        """Have C look at the signals behind the inputs where all of them are tables; else Python does."""
+        self._tables = tables_of(self.plan.sampled, self._sampled)
+        self._own, self._in_c = self._call(np.arange(self.n)), None
+
+    @property
+    def python_inputs(self) -> int:
+        return 0 if self._tables is not None else len(self.samplers)
 
     def put(self, register: int, value: float) -> None:
         if len(self.kernel.nonlinear) or self._derivatives is not None or self._dae is not None:
@@ -150,13 +165,16 @@ class EngineSystem(System):
         return self.kernel.determinants()
 
     def _call(self, order: np.ndarray) -> Call:
-        return self.kernel.call(self.inputs[order], self.outputs[order], self.plan.sampled, self._rescue)
+        sampled = self.plan.sampled if self._tables is None else None
+        call = self.kernel.call(self.inputs[order], self.outputs[order], sampled, self._rescue)
+        call.tables = None if self._tables is None else self._tables.address
+        return call
 
     # ------------------------------------------------------------------ values
 
     def _run(self, t: float, x: np.ndarray, near: bool = False) -> None:
         self._x[: self.n] = x
-        if self.samplers:
+        if self.python_inputs:
             self.sample(t, self._x[self.n :])
         evaluate = self.kernel.evaluate_near if near else self.kernel.evaluate
         if not evaluate(self._own, t, self._x):
@@ -241,7 +259,7 @@ class EngineSystem(System):
 
     def callback(self, order: np.ndarray | None, implicit: bool = False):
         """As SUNDIALS calls it, for states in a new order; None if inputs are asked from Python."""
-        if self.samplers:
+        if self.python_inputs:
             return None
         call = self._call(np.arange(self.n) if order is None else order)
         call.data = ctypes.cast(sundials.load().N_VGetArrayPointer, ctypes.c_void_p).value
@@ -249,7 +267,7 @@ class EngineSystem(System):
         return kind(address(name)), call.reference
 
     def in_c(self) -> InC | None:
-        if self.samplers:
+        if self.python_inputs:
             return None
         if self._in_c is None:
             functions = address("lmoc_evaluate"), address("lmoc_mark")

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from lmoc.engine.kernel import Kernel
 from lmoc.engine.library import library
+from lmoc.engine.tables import Tables
 from lmoc.lower.tape import Tape
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal, sample
+from lmoc.numerics.signals.tables import Table
+
+
+def tables_of(registers: np.ndarray, signals: Sequence[tuple[Signal, int]]) -> Tables | None:
+    """Return what C fills registers with, if all of them follow tables; None where Python has to be asked.
+
+    Parameters
+    ----------
+    signals : of each register, and the order of the derivative
+    """
+    if not len(registers) or not all(isinstance(signal, Table) for signal, _ in signals):
+        return None
+    return Tables((int(r), order, s.curve.pieces(order)) for r, (s, order) in zip(registers, signals, strict=True))
+
 
 _FEW = 32  # times whose memory is kept from call to call
 
@@ -32,6 +47,7 @@ class TapeFunction:
         self._signals = [plan.samplers[k] for k in np.flatnonzero(varying)]
         self._places = np.ascontiguousarray(places, np.int32)
         self._call = self._kernel.call(plan.states, plan.states, self._sampled)
+        self._tables: Tables | None = None  # of the inputs, where all of them follow tables
         self._many = library().lmoc_many
         self._few: _Room | None = None
         self._samplers: list[tuple[Signal, int]] = []
@@ -40,7 +56,10 @@ class TapeFunction:
         """Take the registers that do not change between events, and the inputs."""
         self._kernel.w[: len(base)] = base
         self._kernel.forget()
-        self._samplers = [(signals[v], order) for v, order in self._signals]
+        samplers = [(signals[v], order) for v, order in self._signals]
+        if samplers != self._samplers:
+            self._samplers, self._tables = samplers, tables_of(self._sampled, samplers)
+            self._call.tables = None if self._tables is None else self._tables.address
 
     def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return the results."""
@@ -65,7 +84,7 @@ class TapeFunction:
         count, n = len(times), len(self._plan.states)
         room = self._room(count)
         room.times[:count], room.given[:count, :n] = times, states
-        for k, (signal, order) in enumerate(self._samplers, n):
+        for k, (signal, order) in enumerate(self._samplers if self._tables is None else (), n):
             room.given[:count, k] = sample(signal, order, times)
         self._many(self._call.reference, count, *room.addresses)
         return room.out[:count].copy() if room is self._few else room.out

@@ -10,6 +10,7 @@ import numpy as np
 from lmoc.engine.accelerator import TapeAccelerator
 from lmoc.engine.kernel import Call, Kernel
 from lmoc.engine.library import Many, address, at_once, library
+from lmoc.engine.pieces import Passing
 from lmoc.engine.series_text import SeriesAccelerator
 from lmoc.ir.program import Program
 from lmoc.lower.recurrences import NoSeries
@@ -17,6 +18,7 @@ from lmoc.lower.series import LENGTH, Series, series_of
 from lmoc.lower.tape import Tape
 from lmoc.numerics.evaluate.engine_system import EngineSystem, has_branches, plan_tape
 from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
@@ -72,13 +74,20 @@ class Written:
 
 
 def plan_series(plan: Plan) -> Series | str:
-    """Return the series of a plan, or why there is none; to be asked for by `Plan.once`."""
-    if len(plan.sampled):
-        return "an input has no formula"
+    """Return the series of a plan, or why there is none; to be asked for by `Plan.once`.
+
+    Those of inputs by tables are given; one that Python gives has none (`has_series`).
+    """
+    given = np.concatenate([plan.states, plan.sampled])
     try:
-        return series_of(plan.program, plan.count, plan.once(plan_tape).size, plan.states, plan.derivatives)
+        return series_of(plan.program, plan.count, plan.once(plan_tape).size, given, plan.derivatives)
     except NoSeries as reason:
         return str(reason)
+
+
+def has_series(system: System) -> bool:
+    """Return whether a system as it is prepared has a Taylor series."""
+    return not system.python_inputs and isinstance(system.plan.once(plan_series), Series)
 
 
 def _with_series(
@@ -163,7 +172,7 @@ class TaylorSystem(EngineSystem):
         Raises
         ------
         NoSeries
-            The program has functions with kinks, sampled inputs, or blocks that have no series.
+            The program has functions with kinks, or blocks that have no series.
         """
         series = plan.once(plan_series) if other is None else other.series
         if isinstance(series, str):
@@ -184,6 +193,10 @@ class TaylorSystem(EngineSystem):
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
         self._start.forget()
+
+    def _follow_tables(self) -> None:
+        super()._follow_tables()
+        self._taylor.call = ctypes.pointer(self._own)
 
     def series(self, t: float, x: np.ndarray, order: int, out: int) -> bool:
         """Write the coefficients of the states to an address, (n, LENGTH); whether all of them are numbers."""
@@ -211,6 +224,11 @@ class TaylorSystem(EngineSystem):
     def new_walk(end: float, longest: float, rtol: float) -> Walk:
         """Return a walk up to a time in steps no longer than that, at which nothing stands yet."""
         return Walk(end=end, longest=longest, rtol=rtol)
+
+    def pass_kinks(self, walk: Walk, own: Passing) -> None:
+        """Go on over kinks along a walk that stands at the end of a piece."""
+        self._engine.lmoc_taylor_pass(self._reference, ctypes.byref(walk), ctypes.byref(own))
+        self.evaluations += own.evaluations
 
     def walk(self, walk: Walk) -> int:
         """Make steps with their output; returns what C does (``lmoc_taylor_walk`` in ``engine/c/taylor.c``)."""

@@ -87,6 +87,16 @@ class Lookout:
                     self._seen[k] = self._look(k)
                 yield from _between(np.union1d(self._formulas.edges, self._seen[k].edges), first, last)
 
+    @property
+    def is_known(self) -> bool:
+        """Return whether everything has been looked at."""
+        return not self._callables
+
+    @property
+    def is_free(self) -> bool:
+        """Return whether nothing bounds the steps."""
+        return self.is_known and not len(self._formulas.edges)
+
     def longest(self, begin: float, end: float) -> float:
         """Return the longest step allowed between two times that lie between two of the edges."""
         seen = self._seen.get(self._part((begin + end) / 2), FREE) if self._callables else FREE

@@ -35,6 +35,29 @@ class PlanCost:
     series: bool = False
 
 
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """What follows a problem that ends at a kink, from one kink to the next until the end of the run.
+
+    Attributes
+    ----------
+    bounds : (k,) where each piece begins and ends, and its longest step, s
+    times : output times behind those of the problem, each within its piece
+    """
+
+    bounds: tuple[np.ndarray, np.ndarray, np.ndarray]
+    times: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return len(self.bounds[0])
+
+    def behind(self, passed: int, reached: int) -> Pieces:
+        """Return what is left behind some pieces and output times."""
+        begin, end, longest = self.bounds
+        return Pieces((begin[passed:], end[passed:], longest[passed:]), self.times[reached:])
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Problem:
     """An initial value problem and how it is to be solved.
@@ -69,6 +92,7 @@ class Problem:
     held : (t, x, length of the latest steps) -> bool, whether jumps of the equations keep the motion there; asked where
         the steps hardly get on. None where nothing jumps
     spent : by plan, what the segments of the run so far have cost; kept up to date on the way
+    pieces : what follows behind the kink at its end, for a method that may go on over kinks; None where none may
     """
 
     system: System
@@ -98,6 +122,7 @@ class Problem:
     whole: float = np.nan
     held: Callable[[float, np.ndarray, float], bool] | None = None
     spent: dict[Plan, PlanCost] = field(default_factory=dict)
+    pieces: Pieces | None = None
 
     @property
     def needs_steps(self) -> bool:
@@ -285,6 +310,19 @@ class Walker(Protocol):
         as `Integration.step`, or DOUBTFUL where the next step is to be judged in Python; the number of times kept
         """
 
+    def pass_kinks(self, pieces: Pieces, room: int, most: tuple[int, int, int]) -> tuple[int, int, bool]:
+        """Go on from the end of a piece, over kinks, with the output as far as there is room.
+
+        Parameters
+        ----------
+        most : as of `engine.pieces.passing`
+
+        Returns
+        -------
+        the number of pieces passed and of times kept; whether the next piece takes more steps or room, or another
+        method. It has left no trace then, and the method stands where the last one has ended
+        """
+
 
 class Integration(ABC):
     """A method at work on one problem: its state, and one accepted step at a time. A context manager.
@@ -340,6 +378,10 @@ class Integration(ABC):
     @abstractmethod
     def jump(self, x: np.ndarray) -> None:
         """Go on from another state at the same time."""
+
+    def begin_piece(self, problem: Problem) -> bool:
+        """Go on with another problem behind a kink, as if it began there; False where that takes a new method."""
+        return False
 
     def collect(self, times: np.ndarray) -> None:
         """Keep the states at times within the last step."""

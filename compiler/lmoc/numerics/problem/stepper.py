@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from lmoc.engine.pieces import Bounds, Passing
 from lmoc.support.records import dataclass
 
 
@@ -49,6 +50,23 @@ class StepperWalk(Protocol):
         given : end, max_step, patience, most (steps and rejected ones together), hook (address of the
             ``lmoc_step_hook`` that looks at each step, None for none)
         times, out : (k,) output times ahead, (room, n) the states at the first of them
+        """
+
+    def pass_kinks(
+        self,
+        kept: dict[str, float],
+        given: dict[str, float | None],
+        bounds: Bounds,
+        times: np.ndarray,
+        out: np.ndarray,
+        most: tuple[int, int, int],
+    ) -> Passing:
+        """Go on over kinks, where the last step has been accepted.
+
+        Parameters
+        ----------
+        kept, given : as in `walk`
+        bounds, times, out, most : as of `engine.pieces.passing`
         """
 
 

@@ -124,6 +124,11 @@ class System(ABC):
         for k, (signal, order) in enumerate(self._sampled):
             out[:, k] = sample(signal, order, times)
 
+    @property
+    def python_inputs(self) -> int:
+        """Return how many inputs Python gives wherever the system is evaluated."""
+        return len(self.samplers)
+
     # ------------------------------------------------------------------ what every system has
 
     @abstractmethod

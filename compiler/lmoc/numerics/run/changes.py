@@ -48,6 +48,16 @@ class ShortSteps(Lookout):
         super().__init__()
         self._beyond, self._until, self._longest = beyond, until, longest
 
+    @property
+    def is_known(self) -> bool:
+        """Return whether everything has been looked at."""
+        return self._beyond.is_known
+
+    @property
+    def is_free(self) -> bool:
+        """Return whether nothing bounds the steps."""
+        return False
+
     def edges(self, begin: float, end: float) -> Iterator[float]:
         """Yield the times between two where other bounds begin."""
         own = [self._until] if begin < self._until < end else []

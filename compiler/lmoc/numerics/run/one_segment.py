@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.laws.time_stepping import TimeStepping
     from lmoc.numerics.run.changes import Continuation
 
+_MOST_OF_TABLES = 10 * kinks.MOST  # kinks of a table at which a run stops
 _SLOW = (Status.CHATTERING, Status.COLLAPSED, Status.TOO_MANY_STEPS, Status.SPENT)
 _MULTISTEP = frozenset({"cvode", "adams", "ida"})
 _NO_TIME = 1e-15  # of the time: a shorter segment is too short for the solvers, and nothing moves in it
@@ -211,7 +212,7 @@ class SegmentSolver:
         if len(own) == kinks.MOST:
             text = f"the formulas of time have kinks or jumps after t = {own[-1]:g} s, too"
             self.task.report.warning("W0526", text)
-        given = break_times(self.task.signals, begin, end, kinks.MOST // 10)
+        given = break_times(self.task.signals, begin, end, _MOST_OF_TABLES)
         return distinct(np.concatenate([own, given])) if len(own) and len(given) else own if len(own) else given
 
 

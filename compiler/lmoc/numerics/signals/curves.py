@@ -135,19 +135,17 @@ def fit(knots: np.ndarray, values: np.ndarray, smoothness: int) -> Curve:
     x, y = np.asarray(knots, float), np.asarray(values, float)
     degree = (1, 3, 5)[smoothness]
     coefficients, peaks = np.zeros((degree + 1, len(x) - 1)), np.zeros(len(x) - 1, bool)
-    edges = np.flatnonzero(np.diff(x) == 0)
+    gap, rise = np.diff(x), np.diff(y)
+    edges = np.flatnonzero(gap == 0)
+    coefficients[:2] = np.where(gap > 0, (y[:-1], rise), 0.0)
+    coefficients[-1] += 0 * (rise / np.where(gap > 0, gap, 1.0) ** 2)  # no number where derivatives would be none
     for first, last in zip([0, *(edges + 1)], [*edges, len(x) - 1], strict=True):
-        coefficients[0, first:last] = y[first:last]
-        if last > first:
+        if last > first + 1 and smoothness:  # two points are joined by their line
             t, v = x[first : last + 1], y[first : last + 1]
-            peak = _smooth_peaks(t, v) & (smoothness > 0)
+            peak = _smooth_peaks(t, v)
             coefficients[:, first:last] = _PIECES[smoothness](t, v, peak)
             peaks[first:last] = peak[1:] | peak[:-1]
     return Curve(x, y, coefficients, peaks)
-
-
-def _linear(x: np.ndarray, y: np.ndarray, _: np.ndarray) -> np.ndarray:
-    return np.array([y[:-1], np.diff(y)])
 
 
 def _monotone_cubic(x: np.ndarray, y: np.ndarray, peak: np.ndarray) -> np.ndarray:
@@ -190,7 +188,7 @@ def _monotone_quintic(x: np.ndarray, y: np.ndarray, peak: np.ndarray) -> np.ndar
     return np.array([y[:-1], a, c / 2, 10 * p - 4 * q + r / 2, -15 * p + 7 * q - r, 6 * p - 3 * q + r / 2])
 
 
-_PIECES = (_linear, _monotone_cubic, _monotone_quintic)
+_PIECES = {1: _monotone_cubic, 2: _monotone_quintic}
 
 
 def _smooth_peaks(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -134,9 +134,12 @@ Going = Generator[Leg, None, Outcome]
 
 
 def _begin(way: Way) -> Going:
-    """Make the first steps: along a Taylor series in a small scene and where it has paid for one, else with DOP853."""
+    """Make the first steps: along a Taylor series in a small scene and where it has paid for one, else with DOP853.
+
+    Where there are kinks, a piece between two of them may be a single step, of which DOP853 has less work.
+    """
     system, first, spent = way.problem.system, TRIAL, way.spent
-    if is_better(system, np.inf if spent.series else spent.steps):
+    if way.problem.pieces is None and is_better(system, np.inf if spent.series else spent.steps):
         spent.series = True
         if system.n <= _LOOKED_AT:
             outcome = yield from way.go(Leg("taylor", most=TRIAL, overrun=OVERRUN))
@@ -264,6 +267,7 @@ class Way:
             overrun=overrun,
             first_step=self.first_step(leg),
             shortest=leg.shortest,
+            pieces=None if self.solvers else problem.pieces,  # the first method alone
             sink=lambda first, states: problem.sink(first + done, states),
         )
 

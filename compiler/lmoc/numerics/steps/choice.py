@@ -8,7 +8,7 @@ from importlib import import_module
 import numpy as np
 
 from lmoc.messages.diagnostics import Diagnostic, ModelError
-from lmoc.numerics.problem.base import REQUESTED, Outcome, Problem, Properties
+from lmoc.numerics.problem.base import REQUESTED, Outcome, Pieces, Problem, Properties
 from lmoc.numerics.problem.status import Inapplicable, NotFound, Status, Unsuitable, interruption
 from lmoc.numerics.steps import loop
 from lmoc.numerics.steps.automatic import Used, automatically
@@ -18,6 +18,10 @@ NAMES = (
     "dop853", "taylor", "cvode", "adams", "ida", "cvodes", "idas", "radau", "gauss", "rk4", "midpoint", "verlet",
     "generalized-alpha", "collocation", "collocation-radau",
 )  # fmt: skip
+
+
+_FEW, _MANY = 64, 16_384  # pieces that are looked ahead
+_NEAR, _LEAST = 4e-15, 1e-300  # of the time, s: a distance in time that does not count
 
 
 def table() -> tuple[Properties, ...]:
@@ -86,24 +90,27 @@ def run(problem: Problem, solver: str) -> tuple[Outcome, dict[str, object]]:
 
 def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, Used]:
     outcome, used, method = Outcome(problem.t, problem.x, 0), None, solver
-    begin = problem.t
-    ahead = edges(problem)
+    begin, passed = problem.t, -np.inf
+    ahead, following = edges(problem), _Following(problem)
     while True:
         try:
             edge = next(ahead)
         except KeyboardInterrupt:  # while a callable was looked at
             outcome.status = interruption()
             return outcome, used or Used((), "")
+        if edge < passed:
+            continue
         if edge - near(edge) / 2 <= begin:  # a kink at the start
             begin = edge + near(edge) / 2
             continue
         if begin >= problem.end:
             break
-        later, own = _smooth(_until(problem, outcome, begin, edge), method)
+        later, own = _smooth(_until(problem, outcome, (begin, edge), following), method)
         later.counts = _added(outcome.counts, later.counts)
         later.matrix, later.evaluation = later.matrix or outcome.matrix, later.evaluation or outcome.evaluation
         later.reached += outcome.reached
-        outcome, begin = later, edge + near(edge) / 2
+        outcome, passed = later, later.time
+        begin = max(edge + near(edge) / 2, passed)
         if used is None or own.onward:
             used = own
         if own.onward:  # a stiff method goes on behind the next break
@@ -111,22 +118,73 @@ def _in_pieces(problem: Problem, solver: str) -> tuple[Outcome, Used]:
         if outcome.status is not Status.OK or edge >= problem.end:
             break
     if len(problem.breaks):
-        outcome.counts["breaks"] = len(problem.breaks)
+        outcome.counts["breaks"] = int(np.searchsorted(problem.breaks, outcome.time + near(outcome.time), "right"))
     return outcome, used
 
 
 def edges(problem: Problem) -> Iterator[float]:
     """Yield the breaks of a problem, and where other bounds on the steps begin; infinity at last."""
     begin = problem.t
+    if problem.lookout.is_free:
+        yield from problem.breaks.tolist()
+        yield np.inf
+        return
     for edge in (*problem.breaks.tolist(), np.inf):
         yield from problem.lookout.edges(begin, min(edge, problem.end))
         yield edge
         begin = max(begin, edge)
 
 
-def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Problem:
-    """Return the rest of a problem, from just after one edge to just before the next, with outputs on that edge."""
-    done, times = outcome.reached, problem.times
+class _Following:
+    """The pieces behind the one under way, more of them the more of them have been passed."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self._most, self._until = problem, _FEW, problem.t
+        self._edges: np.ndarray | None = None  # those of callables show on the way only
+        if len(problem.breaks) and problem.lookout.is_known:
+            self._edges = problem.breaks if problem.lookout.is_free else np.array([*edges(problem)][:-1])
+
+    def behind(self, begin: float, reached: int) -> Pieces | None:
+        """Return what follows the piece that begins at a time, as `_until` would make it.
+
+        Parameters
+        ----------
+        reached : output times up to the end of that piece
+        """
+        problem, every = self.problem, self._edges
+        if every is None:
+            return None
+        self._most = min(2 * self._most, _MANY) if begin >= self._until else _FEW
+        first = int(np.searchsorted(every, begin, "right"))
+        edge = every[first : first + self._most]
+        aside = _NEAR * np.maximum(np.abs(edge), _LEAST)
+        begins, ends, seen = edge + aside / 2, edge - aside / 2, edge + aside
+        if first + self._most >= len(every):  # the last one ends with the problem
+            ends, seen = np.append(ends, problem.end), np.append(seen, np.inf)
+        begins, ends, seen = begins[: len(ends) - 1], np.minimum(ends[1:], problem.end), seen[1:]
+        whole = begins < ends
+        begins, ends, seen = begins[whole], ends[whole], seen[whole]
+        if not len(begins):
+            return Pieces((begins, ends, ends), np.zeros(0))
+        self._until = float(ends[-1])
+        times = problem.times[reached : np.searchsorted(problem.times, seen[-1], "right")]
+        which = np.searchsorted(seen, times, "left")
+        longest = np.full(len(begins), problem.max_step)
+        if not problem.lookout.is_free:
+            spans = zip(begins.tolist(), ends.tolist(), strict=True)
+            longest = np.minimum(longest, [problem.lookout.longest(*span) for span in spans])
+        return Pieces((begins, ends, longest), np.minimum(np.maximum(times, begins[which]), ends[which]))
+
+
+def _until(problem: Problem, outcome: Outcome, span: tuple[float, float], following: _Following) -> Problem:
+    """Return the rest of a problem, from just after one edge to just before the next, with outputs on that edge.
+
+    Parameters
+    ----------
+    span : s, where it begins, and the next edge
+    following : the pieces behind
+    """
+    (begin, edge), done, times = span, outcome.reached, problem.times
     end = min(problem.end, edge - near(edge) / 2)
     longest = min(problem.max_step, problem.lookout.longest(begin, end))
     if begin == problem.t and end == problem.end and longest == problem.max_step and not len(problem.breaks):
@@ -142,12 +200,13 @@ def _until(problem: Problem, outcome: Outcome, begin: float, edge: float) -> Pro
         whole=problem.end,
         sink=lambda first, states: problem.sink(first + done, states),
         breaks=np.zeros(0),
+        pieces=following.behind(begin, done + len(inside)),
     )
 
 
 def near(t: float) -> float:
     """A distance in time that does not count: some units of the last digit, by which stages of a step may be off."""
-    return 4e-15 * max(abs(t), 1e-300) if np.isfinite(t) else 0.0
+    return _NEAR * max(abs(t), _LEAST) if np.isfinite(t) else 0.0
 
 
 def _added(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:

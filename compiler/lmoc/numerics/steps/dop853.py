@@ -13,7 +13,7 @@ import numpy as np
 from lmoc.engine.library import library
 from lmoc.numerics.dop853.dense_output import DenseOutput, dense_terms, evaluate_dense, roughness
 from lmoc.numerics.dop853.rules import RULES
-from lmoc.numerics.problem.base import Integration, Problem, Properties
+from lmoc.numerics.problem.base import Integration, Pieces, Problem, Properties
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.stepper import Stepper
 
@@ -71,6 +71,15 @@ class Dop853(Integration):
     def jump(self, x: np.ndarray) -> None:
         self.before = self.t
         self._start(x.copy(), self.step_size)
+
+    def begin_piece(self, problem: Problem) -> bool:
+        self.problem, self.end, self.max_step = problem, problem.end, problem.max_step
+        self.steps = self.rejected = 0
+        self.t = self.before = self.cuts_since = problem.t
+        self.stiff_count = self.calm_count = self.careful = self.cuts = 0
+        self.length = self.error = self.stiffness = 0.0
+        self._start(problem.x)
+        return True
 
     def restart(self) -> None:
         """Go on from the same state with an input that has another value."""
@@ -186,6 +195,19 @@ class Dop853(Integration):
         status = WALKED[made.found]
         self.tried = status is Status.DOUBTFUL
         return status, made.reached
+
+    def pass_kinks(self, pieces: Pieces, room: int, most: tuple[int, int, int]) -> tuple[int, int, bool]:
+        stepper = self.stepper
+        if self.pending:
+            stepper.accept()
+            self.pending = False
+        out = np.empty((min(room, len(pieces.times)), len(stepper.x)))
+        own = stepper.walker.pass_kinks(*self.state(most[0]), pieces.bounds, pieces.times, out, most)
+        self.t, self.before = own.time, own.before
+        self.steps += own.steps
+        self.rejected += own.rejected
+        self._collected += self.output.values(), out[: own.reached]
+        return own.passed, own.reached, bool(own.stuck)
 
     def state(self, most: int, hook: int | None = None) -> tuple[dict[str, float], dict[str, float | None]]:
         """Return what is kept between steps, and what C needs to know beside it to make up to `most` of them."""

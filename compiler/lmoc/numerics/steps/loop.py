@@ -12,10 +12,12 @@ from bisect import bisect_right
 import numpy as np
 
 from lmoc.numerics.limits import LOOK, PACE
-from lmoc.numerics.problem.base import Expired, Integration, Outcome, Problem, Unattended, Walker, Watch
+from lmoc.numerics.problem.base import Expired, Integration, Outcome, Pieces, Problem, Unattended, Walker, Watch
 from lmoc.numerics.problem.status import Status, interruption
 from lmoc.numerics.steps.roots import RootFinder
+from lmoc.support.records import replace
 
+_PASSED = 100  # steps up to which a piece between two kinks is one of those that C makes one after the other
 _BATCH = 200_000  # numbers collected before they are handed on
 # steps between two looks at the clock at the most, and rows evaluated in them, by a method that makes them at once
 _MANY, _ROWS = 4096, 200_000
@@ -23,25 +25,72 @@ _STALL, _GUARDED = 10_000, 1_000  # steps after which it is judged whether they 
 # numbers of steps, and how many are still ahead at the pace of the latest, and of those before, that have no end in
 # sight: a day's work and more; a universe's age, which a layer that is left behind in steps ever longer never asks for
 _PACES = (_STALL, 1e10), (1_000, 1e25)
+_BY_RULES = (Status.TOO_MANY_STEPS, Status.STIFF, Status.COLLAPSED, Status.NOT_FINITE)
 _OK = Status.OK  # attributes of an enumeration are slow to look up
 
 
 def integrate(problem: Problem, run: Integration) -> Outcome:
-    """Integrate to the end of a problem, or to where it ends earlier, with a method that has been started on it."""
-    return Loop(problem, run).go()
+    """Integrate to the end of a problem, or to where it ends earlier, with a method that has been started on it.
+
+    Beyond the end of the problem it goes on over kinks, as far as each of the pieces between them takes few steps.
+    """
+    loop = Loop(problem, run)
+    outcome, pieces = loop.go(), problem.pieces
+    if pieces is None or loop.is_in_c:
+        return outcome
+    while pieces.count and outcome.status is _OK:
+        piece, pieces = _first(problem, pieces, outcome), pieces.behind(1, _within(pieces))
+        if not run.begin_piece(piece):
+            return outcome
+        before, outcome = outcome, Loop(piece, run, loop.finder).go()
+        outcome.reached += before.reached
+        outcome.counts = {key: before.counts[key] + count for key, count in outcome.counts.items()}
+        if outcome.status in _BY_RULES:  # those by which a method is chosen: from here on
+            outcome.status = _OK
+            break
+    return outcome
+
+
+def _within(pieces: Pieces) -> int:
+    """Return the number of output times in the first piece."""
+    return int(np.searchsorted(pieces.times, pieces.bounds[1][0], "right"))
+
+
+def _first(problem: Problem, pieces: Pieces, outcome: Outcome) -> Problem:
+    """Return the problem of the first of some pieces."""
+    (begin, end, longest), done = (float(bound[0]) for bound in pieces.bounds), outcome.reached
+    return replace(
+        problem,
+        t=begin,
+        x=outcome.x,
+        end=end,
+        times=pieces.times[: _within(pieces)],
+        sink=lambda first, states: problem.sink(first + done, states),
+        max_step=longest,
+        pieces=None,
+    )
 
 
 class Loop:
     """One integration under way."""
 
-    def __init__(self, problem: Problem, run: Integration) -> None:
+    def __init__(self, problem: Problem, run: Integration, finder: RootFinder | None = None) -> None:
+        """
+        Parameters
+        ----------
+        finder : that of the piece before a kink
+        """
         self.problem, self.run = problem, run
         self.watch = Watch(problem)
         self.times = problem.times.tolist()
         self.next = (*self.times[:1], math.inf)[0]  # the first output time ahead
         self.handed = self.reached = 0  # output times handed on, and reached
         self.most = max(1, _BATCH // max(1, len(problem.x)))
-        self.finder = None if problem.roots is None else RootFinder(problem.roots, problem.t, problem.x)
+        if finder is not None:
+            finder.begin(problem.t, problem.x)
+        elif problem.roots is not None:
+            finder = RootFinder(problem.roots, problem.t, problem.x)
+        self.finder = finder
         self.judged = 0, problem.t  # steps and time when it was last looked at whether they get on
         # the same for each of `_PACES`, and whether there was no end in sight
         self.paced = [(0, problem.t, False) for _ in _PACES]
@@ -89,6 +138,11 @@ class Loop:
         return Status.OK
 
     @property
+    def is_in_c(self) -> bool:
+        """Return whether nobody looks at the steps."""
+        return self.walker is not None and self.problem.compiled_guard is None
+
+    @property
     def walker(self) -> Walker | None:
         """Return what makes many steps at once; None where somebody looks at each of them in Python."""
         problem = self.problem
@@ -121,7 +175,21 @@ class Loop:
             if halted is not _OK:
                 return halted
             most = min(2 * most, largest)
-        return status
+        goes_on = status is _OK and problem.pieces is not None and self.is_in_c
+        return self.pass_kinks(method, problem.pieces, largest) if goes_on else status
+
+    def pass_kinks(self, method: Walker, pieces: Pieces, every: int) -> Status:
+        """Go on over kinks as far as each of the pieces between them takes few steps."""
+        problem, run, stuck = self.problem, self.run, False
+        most = min(problem.max_steps, _PASSED), problem.overrun, every
+        while pieces.count and not stuck:
+            self.flush()
+            passed, reached, stuck = method.pass_kinks(pieces, self.most, most)
+            self.reached += reached
+            pieces = pieces.behind(passed, reached)
+            if self.watch.expired(run.t):
+                return Status.TOO_LONG
+        return _OK
 
     def walk(self, method: Walker, most: int, hook: int | None) -> Status:
         """Have the method make up to so many steps, and see to their output."""

@@ -33,6 +33,10 @@ class RootFinder:
         self._run: Integration
         self._seen: tuple[np.ndarray, np.ndarray]  # times and states that have been looked at last
 
+    def begin(self, t: float, x: np.ndarray) -> None:
+        """Go on from another place."""
+        self._place = t, x
+
     def first(self, run: Integration, end: float) -> tuple[float, np.ndarray] | None:
         """Return the place (t, x) in the last step where the integration shall end; None where it goes on to `end`."""
         self._run = run

@@ -7,7 +7,7 @@ the same digits always.
 from __future__ import annotations
 
 from lmoc.lower.series import Series
-from lmoc.numerics.evaluate.taylor_system import plan_series
+from lmoc.numerics.evaluate.taylor_system import has_series, plan_series
 from lmoc.numerics.problem.system import System
 
 # Rows of equations up to which a series is faster from the first step on, whatever is in it: what a step takes beside
@@ -32,5 +32,7 @@ def is_better(system: System, steps: float) -> bool:
     small = system.plan.row_count <= SMALL
     if steps < STEPS and not small:
         return False
+    if not has_series(system):
+        return False
     series = system.plan.once(plan_series)
-    return isinstance(series, Series) and (small or series.share_of_products <= SHARE)
+    return small or (isinstance(series, Series) and series.share_of_products <= SHARE)

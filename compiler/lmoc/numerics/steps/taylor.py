@@ -12,10 +12,11 @@ import math
 
 import numpy as np
 
+from lmoc.engine.pieces import passing
 from lmoc.lower.recurrences import NoSeries
 from lmoc.lower.series import LENGTH
 from lmoc.numerics.evaluate.taylor_system import TaylorSystem
-from lmoc.numerics.problem.base import Integration, Problem, Properties
+from lmoc.numerics.problem.base import Integration, Pieces, Problem, Properties
 from lmoc.numerics.problem.status import Inapplicable, Status
 
 PROPERTIES = Properties(
@@ -38,6 +39,8 @@ def begin(problem: Problem) -> Taylor:
     Inapplicable
         The scene has no series.
     """
+    if problem.system.python_inputs:
+        raise Inapplicable("an input has no formula")
     try:
         system = problem.system.with_series(TaylorSystem)
     except NoSeries as error:
@@ -78,6 +81,13 @@ class Taylor(Integration):
         self.problem.system.evaluations += 1
         self.finite = self.system.series(self.t, self.x, self.order, walk.next)
 
+    def begin_piece(self, problem: Problem) -> bool:
+        self.problem, self.t = problem, problem.t
+        self.steps = self.rejected = 0
+        self._walk.end, self._walk.longest = problem.end, problem.max_step
+        self.jump(problem.x)
+        return True
+
     def step(self) -> Status:
         walk = self._walk
         walk.most, walk.outputs, walk.hook = 1, 0, None
@@ -94,6 +104,17 @@ class Taylor(Integration):
         status = self._walked()
         self._collected.append(out[: walk.reached])
         return status, walk.reached
+
+    def pass_kinks(self, pieces: Pieces, room: int, most: tuple[int, int, int]) -> tuple[int, int, bool]:
+        out = np.empty((min(room, len(pieces.times)), len(self.x)))
+        own = passing(self.system.shared_call(), pieces.bounds, pieces.times, out, most)
+        self.system.pass_kinks(self._walk, own)
+        self.problem.system.evaluations += own.evaluations
+        self.steps += own.steps
+        self.rejected += own.rejected
+        self.before, self.t, self.step_size = own.before, own.time, self._walk.length
+        self._collected.append(out[: own.reached])
+        return own.passed, own.reached, bool(own.stuck)
 
     def _walked(self) -> Status:
         if not self.finite:
