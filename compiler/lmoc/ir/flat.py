@@ -167,6 +167,7 @@ class Group:
     span: Span | None  # the equation as the user wrote it
     part: int = 0  # whose equation it is
     origin: str = "equation"  # equation, binding, connection, unconnected, sum, argument, law, ledger
+    smooth: int = 0  # how often what decides in it without an event is continuously differentiable: from smooth()
 
     @property
     def rows(self) -> int:

@@ -322,6 +322,11 @@ def differentiated_jumps(system: EquationSystem, c: np.ndarray) -> tuple[Diagnos
     """
     jumps = [b for b in system.batches if next(deciding(b.shape, b.kinds), None) is not None]
     kinks = [b for b in system.batches if bends(b.shape, b.kinds)]
+    if not jumps and not kinks:
+        return ()
+    groups, sums = system.flat.groups, system.flat.sums
+    smooth = np.repeat([g.smooth for g in groups] + [0], [g.rows for g in groups] + [sums.rows])[system.source]
+    c = np.where((smooth > 0) & (c <= smooth + 1), 0, c)  # what is continuous up to there has no impulse
     return (
         *_not_derived(system, jumps, c > 0, "the derivative", "what jumps inside noEvent or smooth",
                       "where the value jumps, leave them out: the jump is an event then, and its impulse is computed"),

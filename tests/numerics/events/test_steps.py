@@ -182,6 +182,8 @@ CART += "der(w) = -9.81*sin(th) - der(der(x))*cos(th); end M;"
 @pytest.mark.parametrize(("value", "notes"), [
     ("max(0, time - 1)", 1), ("noEvent(abs(time - 1))", 1), ("max(0, 0.5)*time", 0),
     ("if time < 1 then 0 else time - 1", 0), ("noEvent(if th > 0 then 0 else time)", 1),
+    ("smooth(1, if th > 0 then 0 else time)", 0), ("smooth(2, noEvent(if th > 0 then 0 else time))", 0),
+    ("smooth(0, if th > 0 then 0 else time)", 1), ("smooth(2, time) + noEvent(if th > 0 then 0 else time)", 1),
 ])  # fmt: skip
 def test_impulses_that_are_not_computed_are_noted(value, notes):
     """The last one leaves a block in which nothing has to be solved for together: its second derivative is zero."""

@@ -105,8 +105,9 @@ STRUCTURE: dict[str, Entry] = {
         "the derivative of what may jump without an event",
         "What varies decides on the value of an expression inside `noEvent(...)` or `smooth(...)` that prescribes a\n"
         "motion and is differentiated. A jump of its value is not seen there, so that the velocities do not jump with\n"
-        "it. Where the value is continuous, nothing is missing. The same of the second derivative of `abs`, `min` and\n"
-        "`max` of time, where the slope jumps: `if time < 1 then 0 else time - 1` is what `max(0, time - 1)` is not.",
+        "it. Where the value is continuous, nothing is missing: `smooth(1, …)` and beyond say so. The same of the\n"
+        "second derivative of `abs`, `min` and `max` of time, where the slope jumps: `if time < 1 then 0 else\n"
+        "time - 1` is what `max(0, time - 1)` is not.",
     ),
     "E0440": Entry(
         "a law without effect on its own motion",

@@ -181,12 +181,13 @@ class Assembler:
         table: dict[tuple, list] = {}
         for d in drafts:
             kinds = tuple(Kind.CONSTANT if v is None else v.kind for v, _ in d.columns)
-            key = (d.left, d.right, id(d.span and d.span.source), d.span and d.span.start, d.node.part, d.origin, kinds)
+            written = id(d.span and d.span.source), d.span and d.span.start, d.node.part, d.origin, d.smooth
+            key = (d.left, d.right, *written, kinds)
             table.setdefault(key, [d]).append(self.slots(d.columns, d.rows))
         result = []
         for d, *slots in table.values():
             joined = slots[0] if len(slots) == 1 else np.concatenate(slots)
-            result.append(Group(d.left, d.right, joined, d.span, d.node.part, d.origin))
+            result.append(Group(d.left, d.right, joined, d.span, d.node.part, d.origin, d.smooth))
         return result
 
     def assignments(self, drafts: Sequence[AssignmentDraft]) -> list[Assignments]:

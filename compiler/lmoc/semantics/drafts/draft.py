@@ -37,6 +37,7 @@ class GroupDraft:
     node: Instance  # whose equation it is
     origin: str = "equation"
     library: bool = False
+    smooth: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +217,7 @@ def equality(context: Context, left: Value, right: Value, span: Span, node: Inst
         if rows:
             leaves, (a, b) = compact(context.leaves.items, left.expr, right.expr)
             columns = tuple(flat_column(leaf, shape) for leaf in leaves)
-            yield GroupDraft(a, b, columns, rows, span, node, origin, context.scope.library)
+            yield GroupDraft(a, b, columns, rows, span, node, origin, context.scope.library, context.leaves.smooth or 0)
         return
     for a, b in zip(context.arrays.elements(left), context.arrays.elements(right)):
         yield from equality(context, a, b, span, node, origin)

@@ -157,12 +157,22 @@ def _semi_linear(context: Context, call: tree.Call) -> Value:
 
 @builtin("noEvent")
 def _no_event(context: Context, call: tree.Call) -> Value:
+    _decides(context, 0)
     return _quietly(context, lambda: arguments(context, call, 1)[0])
 
 
 @builtin("smooth")
 def _smooth_order(context: Context, call: tree.Call) -> Value:
+    order = call.arguments[0] if call.arguments else None
+    _decides(context, int(order.value) if isinstance(order, tree.Number) else 0)
     return _quietly(context, lambda: arguments(context, call, 2)[1])
+
+
+def _decides(context: Context, order: int) -> None:
+    """Note how smooth the value is of what decides without an event; within another one, that one says it."""
+    if context.marked == 0:
+        known = context.leaves.smooth
+        context.leaves.smooth = order if known is None else min(known, order)
 
 
 @builtin("getInstanceName")

@@ -87,10 +87,14 @@ class Leaf:
 
 
 class Leaves:
-    """The columns met so far; the same variable at the same positions is the same column."""
+    """The columns met so far; the same variable at the same positions is the same column.
+
+    `smooth` is how often what decides without an event is continuously differentiable, as smooth() says, at least.
+    """
 
     def __init__(self):
         self.items: list[Leaf] = []
+        self.smooth: int | None = None  # nothing of the kind has been met
         self._number: dict[tuple, int] = {}
 
     def slot(self, variable: Variable | None, index: Index | float) -> Expr:
