@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from oracles.random_scenes import graph, lattice, plane
 from lmoc.interface import DAE
 from lmoc.ir.flat import FlatDAE
 from lmoc.pipeline import Clock, Scene, flatten, open_scene
+from lmoc.view.scene.block import corners_of
 from lmoc.view.scene.compose import picture_of
 from lmoc.view.scene.picture import Picture
 
@@ -50,6 +52,16 @@ def test_no_connection_of_a_random_scene_is_missing(name, tmp_path):
     assert lost(flat, picture) == []
     assert numbers_mean_one_thing(picture)
     assert overlapping(picture) == []
+
+
+def test_coordinates_of_a_lattice_stand_beside_its_columns(tmp_path):
+    path = tmp_path / "scene.lmo"
+    path.write_text(lattice(5, 2))
+    items = opened(path)[1].items
+    bodies = [corners_of([i]) for i in items if i.symbol == "mass" and i.shapes]
+    arrows = [corners_of([i]) for i in items if i.symbol == "coordinate"]
+    for a, b in product(arrows, bodies):
+        assert min(a[2], b[2]) <= max(a[0], b[0]) or min(a[3], b[3]) <= max(a[1], b[1])
 
 
 def test_the_test_notices_a_piece_that_is_taken_away(tmp_path):

@@ -37,17 +37,39 @@ def force(layout: Layout, node: int, element: Element, high: float) -> None:
 
 
 def crowded(layout: Layout, node: int, row: float) -> bool:
-    """Return whether an element passes where a coordinate's arrow beside a row would be."""
-    x = layout.rows.along[node]
+    """Return whether an element or another body is where a coordinate's arrow beside a row would be."""
+    rows, x = layout.rows, layout.rows.along[node]
+    end = x + ARROW + 5 + width(layout.style.coordinates[node], 13)
     for k, (_, a, b, _) in enumerate(layout.parts):
-        start, stop = sorted((layout.rows.along[a], layout.rows.along[b]))
-        if abs(layout.rows.row[k] - row) < 0.8 and start < x + ARROW + 20 and stop > x:
+        start, stop = sorted((rows.along[a], rows.along[b]))
+        if abs(rows.row[k] - row) < 0.8 and start < end and stop > x:
+            return True
+    for other in (n for n in layout.strip.nodes if n != node and layout.strip.bodies(n)):
+        low, high = rows.span[other]
+        if low - 0.8 < row < high + 0.8 and abs(rows.along[other] - (x + end) / 2) < layout.half[other] + (end - x) / 2:
             return True
     return False
 
 
+def _free_side(layout: Layout, node: int, low: float, high: float, thick: float) -> int:
+    """Return 1 where something stands to the left of a body and nothing to its right, otherwise -1."""
+    rows, pitch, x = layout.rows, layout.pitch, layout.rows.along[node]
+    room = thick + 28.0 + width(layout.style.coordinates[node], 13)
+
+    def taken(left: float, right: float) -> bool:
+        bodies = [n for n in layout.strip.nodes if n != node and layout.strip.bodies(n)]
+        others = [(rows.span[n][0] * pitch - THICK, rows.span[n][1] * pitch + THICK,
+                   rows.along[n] - layout.half[n], rows.along[n] + layout.half[n]) for n in bodies]  # fmt: skip
+        for k, (_, a, b, _) in enumerate(layout.parts):
+            start, stop = sorted((rows.along[a], rows.along[b]))
+            others.append((rows.row[k] * pitch - 12.0, rows.row[k] * pitch + 12.0, start + 1.0, stop - 1.0))
+        return any(a < right and left < b and c < x + 30.0 and x - 4.0 < d for a, b, c, d in others)
+
+    return 1 if taken(low - room, low - thick) and not taken(high + thick, high + room) else -1
+
+
 def coordinate(layout: Layout, node: int, low: float, high: float) -> None:
-    """A reference line and an arrow along +q, above the body or to its left; below it where there is more room."""
+    """A reference line and an arrow along +q, above the body or to its left; on its other side where that has room."""
     text = layout.style.coordinates[node]
     dx, dy = layout.direction
     thick = THICK if layout.strip.bodies(node) else 18.0
@@ -69,9 +91,12 @@ def coordinate(layout: Layout, node: int, low: float, high: float) -> None:
         layout.labels.append(made)
         return
     if layout.upright:
-        ref = _reference((-thick - 3, 0), (-thick - 28, 0))
-        x = -thick - 19
-        shapes = (ref, Label(text, (0, x - 6, dy * 19), "end"))
+        side = _free_side(layout, node, low, high, thick)
+        if side > 0:
+            end = Anchor(layout.place(0.0, high)[0], at[1])
+        ref = _reference((side * (thick + 3), 0), (side * (thick + 28), 0))
+        x = side * (thick + 19)
+        shapes = (ref, Label(text, (0, x + side * 6, dy * 19), "start" if side > 0 else "end"))
         tail, tip = (x, 0), (x, dy * 28)
     else:
         ref = _reference((0, -thick - 3), (0, -thick - 26))
