@@ -331,11 +331,28 @@ class Scope:
     def _path(self, path: Sequence[str], span: Span) -> Member | Scope:
         """A fully qualified name, from the top (13.2.1)."""
         found: Member | Scope | Builtin | None = self.root.find(path[0])
-        for name in path[1:]:
-            found = found.element(name) if isinstance(found, Scope) else None
+        for k, name in enumerate(path[1:], 1):
+            around, found = found, found.element(name) if isinstance(found, Scope) else None
+            if found is None and isinstance(around, Scope) and k == len(path) - 1:
+                found = self._literal(around, path, span)
         if found is None:
             raise NoClass("E0202", f"there is no '{'.'.join(path)}' to import", span, hint=import_hint(self, path))
         return found
+
+    def _literal(self, enumeration: Scope, path: Sequence[str], span: Span) -> Member | None:
+        """A literal of an enumeration, as a constant of its own; None where it has no such one."""
+        base = resolve(enumeration).base if enumeration.kind == "type" else None
+        if not isinstance(base, Builtin) or path[-1] not in base.literals:
+            return None
+        key = f"import {'.'.join(path)}"
+        if key not in self.made:
+            parts = tuple(tree.RefPart(name, (), span) for name in path)
+            value = tree.Modification((), tree.Ref(parts, True, span), span)
+            no = (False,) * 6
+            component = tree.Component(path[-1], tree.Ref(parts[:-1], True, span), (), value, None, "", None, False,
+                                       "constant", "", *no, None, span, span)  # fmt: skip
+            self.made[key] = Member(component, self.root, (), False)
+        return self.made[key]
 
     def check_import(self, element: tree.Import) -> None:
         """Raise `Wrong` where an import means nothing."""
@@ -392,6 +409,8 @@ class Scope:
                 hint = nearest(name, (*outer.table, *outer.names())) or classes_hint(outer)
                 raise NoClass("E0202", f"'{outer.full_name}' has no class '{name}'", ref.span, hint=hint)
         if found is None:
+            if names == ["ExternalObject"]:
+                raise NoClass("E0116", "external objects are not part of lmo", ref.span)
             self.refuse_files(names[0])
             hint = modelica_hint(names) or suggest(self, names[-1])
             raise NoClass("E0202", f"there is no class '{_text(ref)}'", ref.span, hint=hint)

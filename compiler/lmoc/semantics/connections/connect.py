@@ -12,7 +12,7 @@ from math import prod
 import numpy as np
 
 from lmoc.expression import dag
-from lmoc.ir.flat import Group, Sums
+from lmoc.ir.flat import Group, Kind, Sums
 from lmoc.messages.diagnostics import Label, Report
 from lmoc.messages.source import Span
 from lmoc.semantics.connections.components import components
@@ -236,12 +236,14 @@ def _place(end: InstanceNode, draft: ConnectDraft) -> Span:
 
 
 def equalities(connections: Connections, kinds: np.ndarray) -> list[Group]:
-    """Potentials and signals: all members of a set equal the first one."""
+    """Potentials and signals: all members of a set equal the first one, or the first that changes at events only."""
     edges = connections.across
     if not len(edges.left):
         return []
     nodes, label, a, b = components(edges.left, edges.right)
     _, first = first_of_each(label)  # nodes ascend: the variable declared first
+    discrete = np.flatnonzero(kinds[nodes] == Kind.DISCRETE)[::-1]  # of several the first counts, assigned last
+    first[label[discrete]] = discrete
     root = nodes[first[label]]
     # a row belongs to the first connect that mentions its variable
     connect = np.empty(len(nodes), int)
