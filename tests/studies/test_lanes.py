@@ -200,15 +200,17 @@ def test_formulas_and_numbers_for_each_run(monkeypatch):
         assert np.array_equal(runs["y"][row], run["y"])
 
 
-@pytest.mark.parametrize("k", [0, 3, 5, 9])
-def test_as_many_lanes_as_the_processor_likes_change_no_bit(monkeypatch, k):
+@pytest.mark.parametrize(("k", "solver"), [
+    (0, "auto"), (3, "auto"), (5, "auto"), (9, "auto"), (1, "dop853"), (2, "dop853"), (5, "dop853"), (9, "dop853"),
+])  # fmt: skip
+def test_as_many_lanes_as_the_processor_likes_change_no_bit(monkeypatch, k, solver):
     """Four at a time is what others have; one at a time what a scene with sparse factors has."""
     model, name = SCENES[k].model, next(iter(SCENES[k].parameters))
     values, found = np.linspace(*SCENES[k].parameters[name], 11), []
     for many in (at_once(), Many.from_address(address("lmoc_four")), None):
         monkeypatch.setattr(taylor_system, "at_once", lambda many=many: many)
         dae = lmoc.compile_text(model) if isinstance(model, str) else lmoc.compile(model)
-        found.append(dae.ensemble({name: values}, stop=2.0, points=20, workers=1))
+        found.append(dae.ensemble({name: values}, stop=2.0, points=20, workers=1, solver=solver))
     for runs in found[1:]:
         assert all(np.array_equal(runs[kept], found[0][kept], equal_nan=True) for kept in runs.kept)
 

@@ -58,6 +58,11 @@ enum { LMOC_SHORT = 1, LMOC_LOST = 2, LMOC_DOUBTFUL = 3, LMOC_STIFF = 4 };
 void lmoc_dop853_attempt(lmoc_call *c, double time, double h, double rtol, const double *a, const double *times,
                          const double *x, const double *atol, double *k, double *x_new, double *last, double *result);
 
+/* Its parts: where a stage is, from those before; and what it has found, from all of them. */
+void lmoc_dop853_stage(int64_t n, int stages, const double *a, double h, const double *x, const double *k, double *out);
+void lmoc_dop853_errors(int64_t n, double h, double rtol, const double *a, const double *x, const double *atol,
+                        const double *k, const double *x_new, const double *last, double *result);
+
 /* The three further stages that dense output needs. Nonlinear blocks go on from where they have been marked, so that
    steps do not depend on which output times there are. */
 void lmoc_dop853_more(lmoc_call *c, double time, double h, const double *a, const double *times, const double *x,

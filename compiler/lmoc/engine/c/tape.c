@@ -7,18 +7,45 @@
 #define PLACE(k) (w + LMOC_AT(p[k]) + (p[(k) + 1] > 0 ? LMOC_AT(low) : 0))
 #define EACH _Pragma("GCC ivdep") for (int64_t i = 0; i < m*LMOC_LANES; i++)
 #define ROWS _Pragma("GCC ivdep") for (int64_t i = 0; i < m; i++) LMOC_EACH_LANE
+#define EACH_ROW _Pragma("GCC ivdep") for (int64_t i = 0; i < m; i++)
+/* A loop over the lanes: as one operation where the processor has it, which a compiler that has unrolled it would not see. */
+#define TOGETHER _Pragma("GCC unroll 1") _Pragma("GCC ivdep") LMOC_EACH_LANE
 
 /* One vector instruction on rows low … low + m - 1; returns its length. */
 LMOC_WIDEST static int lmoc_chunk(const int32_t *p, double *w, const int32_t *index, int64_t low, int64_t m) {
   double *out = w + LMOC_AT(p[1]) + (p[2] > 0 ? LMOC_AT(low) : 0);
   switch (p[0]) {
+#if LMOC_LANES > 1
+#define X(name, value) \
+    case LMOC_##name: { \
+      const double *a = PLACE(3); \
+      EACH_ROW { const lmoc_real x = LMOC_ROW(a, i); LMOC_ROW(out, i) = value; } \
+      return 5; \
+    }
+    LMOC_UNARY_OF_ROWS(X)
+#undef X
+#define X(name, value) \
+    case LMOC_##name: { \
+      const double *a = PLACE(3), *b = PLACE(5); \
+      const int64_t one = p[4] >= 0, two = p[6] >= 0; \
+      EACH_ROW { const lmoc_real x = LMOC_ROW(a, i*one), y = LMOC_ROW(b, i*two); LMOC_ROW(out, i) = value; } \
+      return 7; \
+    }
+    LMOC_BINARY_OF_ROWS(X)
+#undef X
+#define UNARY LMOC_UNARY_OF_ONE
+#define BINARY LMOC_BINARY_OF_ONE
+#else
+#define UNARY LMOC_UNARY
+#define BINARY LMOC_BINARY
+#endif
 #define X(name, value) \
     case LMOC_##name: { \
       const double *a = PLACE(3); \
       EACH { const double x = a[i]; out[i] = value; } \
       return 5; \
     }
-    LMOC_UNARY(X)
+    UNARY(X)
 #undef X
 #define X(name, value) \
     case LMOC_##name: { \
@@ -28,7 +55,7 @@ LMOC_WIDEST static int lmoc_chunk(const int32_t *p, double *w, const int32_t *in
       else EACH { const double x = a[i], y = b[i]; out[i] = value; } \
       return 7; \
     }
-    LMOC_BINARY(X)
+    BINARY(X)
 #undef X
     case LMOC_if: {
       const double *c = PLACE(3), *a = PLACE(5), *b = PLACE(7);
@@ -39,26 +66,26 @@ LMOC_WIDEST static int lmoc_chunk(const int32_t *p, double *w, const int32_t *in
     }
     case LMOC_gather: {
       const int32_t *from = index + p[3] + low;
-      ROWS out[LMOC_AT(i) + l] = w[LMOC_AT(from[i]) + l];
+      EACH_ROW LMOC_ROW(out, i) = LMOC_ROW(w, from[i]);
       return 4;
     }
     case LMOC_strided: {
       const double *from = w + LMOC_AT(p[3] + low*p[4]);
-      const int64_t stride = LMOC_AT(p[4]);
-      ROWS out[LMOC_AT(i) + l] = from[i*stride + l];
+      const int64_t stride = p[4];
+      EACH_ROW LMOC_ROW(out, i) = LMOC_ROW(from, i*stride);
       return 5;
     }
     case LMOC_scatter: {
       const int32_t *to = index + p[3] + low;
       const double *a = out;
-      ROWS w[LMOC_AT(to[i]) + l] = a[LMOC_AT(i) + l];
+      EACH_ROW LMOC_ROW(w, to[i]) = LMOC_ROW(a, i);
       return 4;
     }
     case LMOC_spread: {
       double *to = w + LMOC_AT(p[3] + low*p[4]);
-      const int64_t stride = LMOC_AT(p[4]);
+      const int64_t stride = p[4];
       const double *a = out;
-      ROWS to[i*stride + l] = a[LMOC_AT(i) + l];
+      EACH_ROW LMOC_ROW(to, i*stride) = LMOC_ROW(a, i);
       return 5;
     }
   }
@@ -134,23 +161,41 @@ RUN int LMOC_NAME(lmoc_tape_run)(lmoc_times time, double *w, const lmoc_tape *t)
 #endif
 #define X(name, value) \
   CASE(name): { \
-    const double *a = ONE(2); \
-    double *out = ONE(1); \
-    _Pragma("GCC ivdep") LMOC_EACH_LANE { const double x = a[l]; out[l] = value; } \
+    const lmoc_real x = W(p[2]); \
+    W(p[1]) = value; \
     p += 3; \
     NEXT; \
   }
-  LMOC_UNARY(X)
+  LMOC_UNARY_OF_ROWS(X)
+#undef X
+#define X(name, value) \
+  CASE(name): { \
+    const lmoc_real x = W(p[2]), y = W(p[3]); \
+    W(p[1]) = value; \
+    p += 4; \
+    NEXT; \
+  }
+  LMOC_BINARY_OF_ROWS(X)
+#undef X
+#define X(name, value) \
+  CASE(name): { \
+    const double *a = ONE(2); \
+    double *out = ONE(1); \
+    TOGETHER { const double x = a[l]; out[l] = value; } \
+    p += 3; \
+    NEXT; \
+  }
+  LMOC_UNARY_OF_ONE(X)
 #undef X
 #define X(name, value) \
   CASE(name): { \
     const double *a = ONE(2), *b = ONE(3); \
     double *out = ONE(1); \
-    _Pragma("GCC ivdep") LMOC_EACH_LANE { const double x = a[l], y = b[l]; out[l] = value; } \
+    TOGETHER { const double x = a[l], y = b[l]; out[l] = value; } \
     p += 4; \
     NEXT; \
   }
-  LMOC_BINARY(X)
+  LMOC_BINARY_OF_ONE(X)
 #undef X
   CASE(if):
     LMOC_EACH_LANE ONE(1)[l] = ONE(2)[l] != 0 ? ONE(3)[l] : ONE(4)[l];

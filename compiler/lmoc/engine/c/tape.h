@@ -22,16 +22,21 @@ static inline double lmoc_xor(double x, double y) {
 }
 static inline double lmoc_rem(double x, double y) { return x - trunc(x / y) * y; }
 
-#define LMOC_UNARY(X) \
-  X(move, x) X(neg, -x) X(sqrt, sqrt(x)) X(sin, sin(x)) X(cos, cos(x)) X(tan, tan(x)) X(asin, asin(x)) \
+/* The first of each are written for rows of lanes, too. */
+#define LMOC_UNARY_OF_ROWS(X) X(move, x) X(neg, -x)
+#define LMOC_BINARY_OF_ROWS(X) X(add, x + y) X(sub, x - y) X(mul, x * y) X(div, x / y)
+#define LMOC_UNARY_OF_ONE(X) \
+  X(sqrt, sqrt(x)) X(sin, sin(x)) X(cos, cos(x)) X(tan, tan(x)) X(asin, asin(x)) \
   X(acos, acos(x)) X(atan, atan(x)) X(sinh, sinh(x)) X(cosh, cosh(x)) X(tanh, tanh(x)) X(asinh, asinh(x)) \
   X(acosh, acosh(x)) X(atanh, atanh(x)) X(exp, exp(x)) X(log, log(x)) X(log10, log10(x)) X(abs, fabs(x)) \
   X(sign, lmoc_sign(x)) X(floor, floor(x)) X(ceil, ceil(x)) X(integer, floor(x)) X(not, !x)
-#define LMOC_BINARY(X) \
-  X(add, x + y) X(sub, x - y) X(mul, x * y) X(div, x / y) X(pow, pow(x, y)) X(atan2, atan2(x, y)) \
+#define LMOC_BINARY_OF_ONE(X) \
+  X(pow, pow(x, y)) X(atan2, atan2(x, y)) \
   X(min, lmoc_min(x, y)) X(max, lmoc_max(x, y)) X(mod, lmoc_mod(x, y)) X(rem, lmoc_rem(x, y)) \
   X(div_integer, lmoc_quotient(x, y)) X(xor, lmoc_xor(x, y)) X(lt, x < y) X(le, x <= y) X(gt, x > y) \
   X(ge, x >= y) X(eq, x == y) X(ne, x != y) X(and, x && y) X(or, x || y)
+#define LMOC_UNARY(X) LMOC_UNARY_OF_ROWS(X) LMOC_UNARY_OF_ONE(X)
+#define LMOC_BINARY(X) LMOC_BINARY_OF_ROWS(X) LMOC_BINARY_OF_ONE(X)
 #define LMOC_OTHER(X) \
   X(if) X(dot) X(rows) X(gather) X(strided) X(scatter) X(spread) X(products) X(fill) X(linear) X(newton) X(correct) \
   X(ready) X(constant) X(implicit) X(factor)

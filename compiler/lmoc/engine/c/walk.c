@@ -32,70 +32,87 @@ static int gets_on(lmoc_steps *s) {
   return advance >= needed;
 }
 
-/* Try steps until one is accurate enough: its end, or 0 with the reason in `found` where there is none. */
-static double attempt(lmoc_steps *s, int *found) {
+int lmoc_dop853_choose(lmoc_steps *s) {
+  s->trial = fmin(s->step_size, s->max_step);
+  return gets_on(s) ? 0 : LMOC_LOST;
+}
+
+int lmoc_dop853_propose(lmoc_steps *s) {
+  s->goal = s->t + s->trial;
+  if (s->t + 1.001*s->trial >= s->end) { s->goal = s->end; s->trial = s->end - s->t; }
+  if (!(s->trial > 8e-16 * fabs(s->goal)) || s->trial < s->rules->least) {
+    s->step_size = s->trial;
+    return s->lost ? LMOC_LOST : LMOC_SHORT;
+  }
+  memcpy(s->k, s->f, s->call->n * sizeof(double));
+  return 0;
+}
+
+int lmoc_dop853_judge(lmoc_steps *s, const double *result) {
   const lmoc_rules *r = s->rules;
   const double wanted = s->hook ? -INFINITY : s->reached < s->outputs ? s->times[s->reached] : INFINITY;
-  double h = fmin(s->step_size, s->max_step), result[2];
-  if (!gets_on(s)) {
-    *found = LMOC_LOST;
-    return 0;
+  s->evaluations += 12;
+  s->staged = 0;
+  s->length = s->trial;
+  s->error = result[0];
+  s->stiffness = result[1];
+  if (s->error < 1) {
+    s->lost = 0;
+    return s->stiffness >= r->rough_from && wanted < s->goal ? LMOC_ROUGH : LMOC_GOOD;
   }
-  for (;;) {
-    double reached = s->t + h;
-    if (s->t + 1.001*h >= s->end) { reached = s->end; h = s->end - s->t; }
-    if (!(h > 8e-16 * fabs(reached)) || h < r->least) {
-      s->step_size = h;
-      *found = s->lost ? LMOC_LOST : LMOC_SHORT;
-      return 0;
-    }
-    memcpy(s->k, s->f, s->call->n * sizeof(double));
-    lmoc_dop853_attempt(s->call, s->t, h, s->rtol, s->weights, s->nodes, s->x, s->atol, s->k, s->x_new, s->last,
+  if (s->call->marked) lmoc_go_back(s->call);
+  s->lost = !(s->error * 0 == 0);
+  s->cuts += (double)s->lost;
+  s->trial *= s->lost ? r->retry : fmax(r->shrink, r->safety * pow(s->error, -0.125));
+  s->grow = 1;
+  s->rejected++;
+  return LMOC_AGAIN;
+}
+
+int lmoc_dop853_judge_within(lmoc_steps *s) {
+  const lmoc_rules *r = s->rules;
+  if (!(roughness(s, s->trial) > r->rough)) return LMOC_GOOD;
+  s->careful = r->careful_steps;
+  s->trial *= r->careful / s->stiffness;
+  s->rejected++;
+  return LMOC_AGAIN;
+}
+
+/* Try steps until one is accurate enough; the reason where there is none. */
+static int attempt(lmoc_steps *s) {
+  double result[2];
+  int found = lmoc_dop853_choose(s), judged = LMOC_AGAIN;
+  while (!found && judged == LMOC_AGAIN) {
+    if ((found = lmoc_dop853_propose(s))) break;
+    lmoc_dop853_attempt(s->call, s->t, s->trial, s->rtol, s->weights, s->nodes, s->x, s->atol, s->k, s->x_new, s->last,
                         result);
-    s->evaluations += 12;
-    s->staged = 0;
-    s->length = h;
-    s->error = result[0];
-    s->stiffness = result[1];
-    if (s->error < 1) {
-      s->lost = 0;
-      if (!(s->stiffness >= r->rough_from && wanted < reached)) return reached;
-      all_stages(s, s->t, h);
-      if (!(roughness(s, h) > r->rough)) return reached;
-      s->careful = r->careful_steps;
-      h *= r->careful / s->stiffness;
-    } else {
-      if (s->call->marked) lmoc_go_back(s->call);
-      s->lost = !(s->error * 0 == 0);
-      s->cuts += (double)s->lost;
-      h *= s->lost ? r->retry : fmax(r->shrink, r->safety * pow(s->error, -0.125));
-      s->grow = 1;
-    }
-    s->rejected++;
+    judged = lmoc_dop853_judge(s, result);
+    if (judged != LMOC_ROUGH) continue;
+    all_stages(s, s->t, s->trial);
+    judged = lmoc_dop853_judge_within(s);
   }
+  return found;
 }
 
 /* Whether the step just tried is certainly good. */
-static int is_certain(lmoc_steps *s, double reached) {
+static int is_certain(lmoc_steps *s) {
   const lmoc_step_hook *hook = s->hook;
   if (!hook) return 1;
-  if (hook->look(hook->own, reached, s->x_new, 1)) return 0;
+  if (hook->look(hook->own, s->goal, s->x_new, 1)) return 0;
   if (hook->land) {
     memcpy(s->landed, s->x_new, s->call->n * sizeof(double));
-    if (hook->land(hook->own, reached, s->landed)) return 0;
+    if (hook->land(hook->own, s->goal, s->landed)) return 0;
   }
   hook->keep(hook->own);
   return 1;
 }
 
-/* Accept the step just tried, and choose the length of the next. Returns 0, or STIFF where too many of them would lie
-   ahead and the last ones were limited by stability. */
-static int accept(lmoc_steps *s, double reached) {
+int lmoc_dop853_accept(lmoc_steps *s) {
   const lmoc_rules *r = s->rules;
   s->steps++;
   s->careful -= s->careful > 0;
   s->before = s->t;
-  s->t = reached;
+  s->t = s->goal;
   s->pending = 1;
   const double factor = s->error > 0 ? fmin(s->grow, fmax(r->shrink, r->safety * pow(s->error, -0.125))) : s->grow;
   const int held = s->careful > 0 && factor * s->stiffness > r->careful;
@@ -156,15 +173,14 @@ void lmoc_dop853_within(const lmoc_steps *s, double theta, double *y) {
   }
 }
 
-/* Whether the last step has reached an output time that has not been seen to. */
-static int shows(const lmoc_steps *s) { return s->reached < s->outputs && s->times[s->reached] <= s->t; }
+int lmoc_dop853_shows(const lmoc_steps *s) { return s->reached < s->outputs && s->times[s->reached] <= s->t; }
 
 /* The states at the output times that the last step has reached. Returns whether there was room for them. */
 static int output(lmoc_steps *s) {
   const int64_t n = s->call->n;
-  if (!shows(s)) return 1;
+  if (!lmoc_dop853_shows(s)) return 1;
   lmoc_dop853_dense(s);
-  for (; shows(s); s->reached++) {
+  for (; lmoc_dop853_shows(s); s->reached++) {
     if (s->reached == s->room) return 0;
     lmoc_dop853_within(s, (s->times[s->reached] - s->before) / s->length, s->out + s->reached*n);
   }
@@ -185,27 +201,31 @@ static void go_on(lmoc_steps *s) {
   s->evaluations++;
 }
 
-/* Steps with their output: as many as allowed, until the end, or until there is no room for output, and the last step
-   stays pending. Returns what the last step has; a DOUBTFUL one has been tried and stands there to be judged. */
+void lmoc_dop853_afresh(lmoc_steps *s) { s->steps = s->rejected = s->evaluations = s->reached = 0; }
+
+int lmoc_dop853_arrive(lmoc_steps *s) {
+  if (s->pending) {
+    if (!output(s)) return 1;
+    go_on(s);
+  }
+  return s->steps + s->rejected >= s->most || s->t >= s->end;
+}
+
 int lmoc_dop853_walk(lmoc_steps *s) {
   int found = 0;
-  s->steps = s->rejected = s->evaluations = s->reached = 0;
-  for (;;) {
-    if (s->pending) {
-      if (!output(s)) return found;
-      go_on(s);
-    }
-    if (found || s->steps + s->rejected >= s->most || s->t >= s->end) return found;
-    const double reached = attempt(s, &found);
+  lmoc_dop853_afresh(s);
+  while (!lmoc_dop853_arrive(s) && !found) {
+    found = attempt(s);
     if (found) return found;
-    if (!is_certain(s, reached)) return LMOC_DOUBTFUL;
-    found = accept(s, reached);
+    if (!is_certain(s)) return LMOC_DOUBTFUL;
+    found = lmoc_dop853_accept(s);
   }
+  return found;
 }
 
 int lmoc_dop853_begin(lmoc_steps *s, double first) {
   const int64_t n = s->call->n;
-  const double span = s->end - s->t, least = fmax(s->rules->least, 2*8e-16*fabs(s->t));
+  const double span = s->end - s->t;
   double check = 0;
   s->cuts_since = s->t;
   s->length = s->error = s->stiffness = s->stiff_count = s->calm_count = s->careful = s->cuts = 0;
@@ -214,7 +234,7 @@ int lmoc_dop853_begin(lmoc_steps *s, double first) {
   for (int64_t i = 0; i < n; i++) check += s->f[i] * 0;
   s->step_size = first;
   if (check != 0 || first < INFINITY) return check == 0;
-  const double h = lmoc_first_trial(n, span, s->max_step, least, s->rtol, s->atol, s->x, s->f);
+  const double h = lmoc_first_trial(n, span, s->max_step, lmoc_dop853_least(s), s->rtol, s->atol, s->x, s->f);
   for (int64_t i = 0; i < n; i++) s->x_new[i] = s->x[i] + h*s->f[i];
   lmoc_derivatives(s->call, s->t + h, s->x_new, s->k);
   s->evaluations = 2;

@@ -29,6 +29,7 @@ typedef struct {
   double *out;                                        /* … and the states at them, as far as there is room */
   int64_t outputs, reached, room;
   const lmoc_step_hook *hook;                         /* or 0 */
+  double trial, goal;                                 /* the step that is tried, and where it ends */
 } lmoc_steps;
 
 /* Steps with their output: as many as allowed, until the end, or until there is no room for output, and the last step
@@ -38,6 +39,27 @@ int lmoc_dop853_walk(lmoc_steps *s);
 /* Begin at `x` and `t` with a step of that length, or infinity where it is to be found; 0 where the derivatives are no
    numbers. */
 int lmoc_dop853_begin(lmoc_steps *s, double first);
+
+/* A first step is to be no shorter. */
+static inline double lmoc_dop853_least(const lmoc_steps *s) { return fmax(s->rules->least, 2*8e-16*fabs(s->t)); }
+
+/* What a walk consists of, for who evaluates f in between: at stages 1 to 12 of a step that is proposed, at 13 to 15 of one
+   that is to be judged within or has been accepted and shows. */
+enum { LMOC_GOOD, LMOC_AGAIN, LMOC_ROUGH };
+void lmoc_dop853_afresh(lmoc_steps *s);
+int lmoc_dop853_choose(lmoc_steps *s);  /* a step of the length that was chosen; 0, or LOST */
+int lmoc_dop853_propose(lmoc_steps *s); /* the step that is tried; 0, or what there is instead */
+/* Whether the step just tried is GOOD, to be tried AGAIN with another length, or perhaps ROUGH within; `result` is what
+   `lmoc_dop853_errors` has found. */
+int lmoc_dop853_judge(lmoc_steps *s, const double *result);
+int lmoc_dop853_judge_within(lmoc_steps *s);
+/* Accept the step just tried, and choose the length of the next. Returns 0, or STIFF where too many of them would lie
+   ahead and the last ones were limited by stability. */
+int lmoc_dop853_accept(lmoc_steps *s);
+/* Whether the last step has reached an output time that has not been seen to. */
+int lmoc_dop853_shows(const lmoc_steps *s);
+/* Output within the last step, if it is pending, and stand at its end. Returns whether there is to be no further one. */
+int lmoc_dop853_arrive(lmoc_steps *s);
 
 /* Begin anew from where `x` and `t` stand, with a step as long as the next one would have been. */
 void lmoc_dop853_restart(lmoc_steps *s);

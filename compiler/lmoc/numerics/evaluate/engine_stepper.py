@@ -57,6 +57,7 @@ class Steps(ctypes.Structure):
         ("out", ctypes.c_void_p),
         *[(name, ctypes.c_int64) for name in ("outputs", "reached", "room")],
         ("hook", ctypes.c_void_p),
+        *[(name, ctypes.c_double) for name in ("trial", "goal")],
     ]
 
 

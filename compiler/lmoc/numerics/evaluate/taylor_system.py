@@ -22,6 +22,7 @@ from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
+STEP = 27  # numbers of a step of DOP853 for each state (``engine/c/lanes.c``)
 _LARGEST = 20_000  # numbers of a run, of which there are as many as lanes in the cache
 
 
@@ -111,10 +112,30 @@ def _with_series(
     return found
 
 
-class SeriesInLanes:
-    """The series of as many runs of a plan at a time as the engine has lanes.
+class TapeInLanes:
+    """The program of a plan for as many runs at a time as the engine has lanes.
 
     One at a time where a block is sparse, whose order of pivots is that of one run, or where a run fills the cache.
+
+    Attributes
+    ----------
+    many : what takes them; None for one at a time
+    call : what C needs where there are several
+    memory : for the steps of that many runs with DOP853
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        tape, n = plan.once(plan_tape), len(plan.states)
+        self.many = many = None if _goes_alone(tape.size, tape) else at_once()
+        lanes = many.lanes if many else 1
+        self.memory = _aligned(STEP * n * lanes)
+        if many is not None:
+            self._kept = Kernel(tape, w=_aligned(tape.size * lanes), many=many)
+            self.call = self._kept.call(plan.states, plan.derivatives)
+
+
+class SeriesInLanes:
+    """The series of as many runs of a plan at a time as the engine has lanes, as of `TapeInLanes`.
 
     Attributes
     ----------
@@ -128,8 +149,7 @@ class SeriesInLanes:
         series = plan.once(plan_series)
         assert isinstance(series, Series)
         tapes = plan.once(plan_tape), series.start
-        alone = series.start.size > _LARGEST or any(b.pattern is not None for tape in tapes for b in tape.blocks)
-        self.many = many = None if alone else at_once()
+        self.many = many = None if _goes_alone(series.start.size, *tapes) else at_once()
         lanes, length = (many.lanes, many.length) if many else (1, LENGTH)
         w = _aligned(series.start.size * lanes)
         kernel, start = (Kernel(tape, w=w, many=many) for tape in tapes)
@@ -151,6 +171,10 @@ class SeriesInLanes:
         if compiled is not None:
             self.in_c.series.contents.order = ctypes.cast(compiled.lmoc_order, ctypes.c_void_p).value
             self._accelerated = True
+
+
+def _goes_alone(size: int, *tapes: Tape) -> bool:
+    return size > _LARGEST or any(b.pattern is not None for tape in tapes for b in tape.blocks)
 
 
 def _aligned(count: int) -> np.ndarray:

@@ -10,7 +10,7 @@ from lmoc.engine.kernel import Call
 from lmoc.engine.library import library
 from lmoc.numerics.evaluate.engine_stepper import EngineStepper, Steps
 from lmoc.numerics.evaluate.engine_system import EngineSystem
-from lmoc.numerics.evaluate.taylor_system import SeriesInLanes, WithSeries
+from lmoc.numerics.evaluate.taylor_system import SeriesInLanes, TapeInLanes, WithSeries
 from lmoc.numerics.problem.status import Status
 
 LEG = np.dtype(
@@ -91,8 +91,11 @@ class Legs:
             self._stepper = EngineStepper(system)
             steps = self._stepper.steps()
             steps.x, steps.x_new = self._stepper.addresses
-            call = ctypes.pointer(system.shared_call())
-            self._lanes = _Lanes(call, *registers, 0, *arrays, *span, ctypes.pointer(steps), None, None)
+            self._tape = system.plan.once(TapeInLanes)
+            rest = *registers, 0, *arrays, *span, ctypes.pointer(steps), None, self._tape.memory.ctypes.data
+            self._lanes = _Lanes(ctypes.pointer(system.shared_call()), *rest)
+            if self._tape.many is not None:
+                self._at_once = _Lanes(ctypes.pointer(self._tape.call), *rest)
         else:
             own = system.plan.once(SeriesInLanes)
             own.in_c.order = order
@@ -114,10 +117,12 @@ class Legs:
         goes_on : whether it is the run of the last call, whose blocks keep to their order of pivots
         """
         chosen = np.ascontiguousarray(which, np.int64)
-        self._lanes.goes_on = goes_on
-        many = None if self._series is None else self._series.many
+        many, lanes = self._tape.many if self._series is None else self._series.many, self._lanes
+        if many and self._series is None:
+            lanes = self._at_once
+        lanes.goes_on = goes_on
         walk = many.walk if many else self._engine.lmoc_lanes_walk
-        walk(ctypes.byref(self._lanes), len(chosen), chosen.ctypes.data)
+        walk(ctypes.byref(lanes), len(chosen), chosen.ctypes.data)
         if self._series is not None:
             self._series.note_work(int(self.state["steps"][chosen].sum() + self.state["rejected"][chosen].sum()))
 
