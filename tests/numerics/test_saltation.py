@@ -461,4 +461,4 @@ def test_before_the_laws_have_taken_their_modes_none_of_them_is_watched():
     assert first.segment == START
     discrete = np.zeros(len(memory.plan.reduced.flat.events.discrete))
     dynamics.recall(memory, memory.values, memory.open, memory.push, discrete, 0.0)
-    assert dynamics.heights()(np.zeros(1), x[None]) == pytest.approx([[-0.2]])
+    assert dynamics.heights()(np.zeros(1), x[None])[0] == pytest.approx([-0.2])
