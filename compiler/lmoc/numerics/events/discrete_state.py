@@ -102,6 +102,7 @@ class DiscreteState:
     ) -> None:
         self.signals, self._begun = signals, time
         self._recalled: Mapping[str, np.ndarray] | None = None
+        self._parameters: np.ndarray | None = None  # where they stand, once asked for
         self._bounds: list[tuple[np.ndarray, np.ndarray]] = []  # that have been asked for at what is recalled
         self._asked = 0
         self._bind(layout, base, initial_values(layout.flat, values))
@@ -157,8 +158,9 @@ class DiscreteState:
         self._asked = 0
         for name, value in memory.items():
             getattr(e, name)[:] = value
-        given = np.flatnonzero(flat.kind[: len(values)] < Kind.INPUT)
-        e.give(given, values[given])
+        if self._parameters is None:
+            self._parameters = np.flatnonzero(flat.kind[: len(values)] < Kind.INPUT)
+        e.give(self._parameters, values[self._parameters])
         self.v[discrete] += change
         e.data.bound_known = 0
         self._pushed = None

@@ -193,8 +193,8 @@ class HybridDynamics:
         """Return the registers that do not change until the next event."""
         base = self._with_discrete(self.open)
         if self.laws is not None:
-            for variable, signal in self.laws.signals().items():
-                base[self.plan.reduced.register_of[variable]] = signal.value
+            for variables, values in self.laws.mode.inputs(self.laws.kinematics.form):
+                base[self.plan.reduced.register_of[variables]] = values
             base[self.plan.held[self.laws.held]] = 1.0
         return base
 

@@ -224,11 +224,9 @@ class Saltation:
             values = around.dynamics.heights()(t + before, self._on(before, x))[:, self._roots]
             self._zero, self._slope = values[2], (values[0] - 4 * values[1] + 3 * values[2]) / (2 * short)
             self._curve = (values[0] - 2 * values[1] + values[2]) / short**2
-        found = [self._derivative(k) for k in range(len(around.directions))]
-        n = len(self._reached.x)
-        self.delays = np.array([own[0] for own in found])
-        base = np.stack([own[1 + n :] for own in found])
-        self.behind = Tangent(t, self._reached.x, np.stack([own[1 : 1 + n] for own in found]), base)
+        found, n, base = self._derivatives(), len(self._reached.x), at.base.copy()
+        self.delays, base[:, around.changing] = found[:, 0], found[:, 1 + n :]
+        self.behind = Tangent(t, self._reached.x, found[:, 1 : 1 + n], base)
 
     @property
     def _reached(self) -> Behind:
@@ -263,42 +261,48 @@ class Saltation:
 
     # ------------------------------------------------------------------ differences
 
-    def _derivative(self, which: int) -> np.ndarray:
-        """Return the derivatives (1 + n + registers,) of the instant, of the states behind it, and of the base."""
-        direction, at = self._around.directions[which], self._at
-        moved = max(direction.size * np.max(np.abs(at.by[which]) / self._around.sizes, initial=0.0), 1.0)
-        step = OVER_EVENTS * direction.size / 2.0 ** np.ceil(np.log2(moved))  # the same at most instants
-        middle = np.concatenate([[at.time], self._reached.x, self._reached.base])
+    def _derivatives(self) -> np.ndarray:
+        """Return the derivatives (m, 1 + n + changing) of the instant, of the states behind it, and of the base.
+
+        Differences to both sides, of smaller steps where these are too coarse.
+        """
+        around, at, m = self._around, self._at, len(self._around.directions)
+        size, n, sizes = np.array([d.size for d in around.directions]), len(self._reached.x), around.sizes
+        middle = np.concatenate([[at.time], self._reached.x, self._reached.base[around.changing]])
         known = np.isfinite(middle)
         middle[~known] = 0.0
-        for _ in range(_TRIES):
-            found = self._around_it(which, step, middle, known)
-            if found is not None:
-                return found
-            step /= _SHRINK
-        raise self._error(which)
-
-    def _around_it(self, which: int, step: float, middle: np.ndarray, known: np.ndarray) -> np.ndarray | None:
-        """Return the derivatives by differences of a step; None where it is too coarse, or something else happens."""
-        found = []
-        for change in (step, -step):
-            own = self._repeated(which, change)
-            if own is None:
-                return None
-            found.append(np.where(known, own, 0.0) - middle)
-        ahead, back = found
-        slope, bent = (ahead - back) / (2 * step), np.abs(ahead + back) / step
-        n, sizes = len(self._reached.x), self._around.sizes
-        own = np.max(np.abs(slope[1 : 1 + n]) / sizes, initial=0.0) * sizes
-        good = bent[1 : 1 + n] <= _BENT * own + _NOISE * sizes / step
+        moved = np.maximum(size * np.max(np.abs(at.by) / sizes, axis=1, initial=0.0), 1.0)
+        # the same at most instants, so that what follows from parameters is known again
+        steps = OVER_EVENTS * size / _SHRINK ** np.ceil(np.log2(moved) / np.log2(_SHRINK))
         # what is held from then on: a wave sampled late bends within a step, |x| has two slopes where it is zero
-        held, size = slice(1 + n, None), self._around.directions[which].size
-        worth = np.abs(middle[held])
-        kept = bent[held] <= _BENT * np.maximum(np.abs(slope[held]), worth / size) + _NOISE * worth / step
-        return slope if good.all() and kept.all() else None
+        worth = np.abs(middle[1 + n :])
+        found, left = np.empty((m, len(middle))), list(range(m))
+        for _ in range(_TRIES):
+            sides = {k: self._both_sides(k, steps[k]) for k in left}
+            here = [k for k in left if sides[k] is not None]
+            if here:
+                step = steps[here, None]
+                ahead, back = np.moveaxis(np.where(known, np.stack([sides[k] for k in here]), 0.0) - middle, 1, 0)
+                slope, bent = (ahead - back) / (2 * step), np.abs(ahead + back) / step
+                own = np.max(np.abs(slope[:, 1 : 1 + n]) / sizes, axis=1, initial=0.0)[:, None] * sizes
+                good = (bent[:, 1 : 1 + n] <= _BENT * own + _NOISE * sizes / step).all(axis=1)
+                held = np.maximum(np.abs(slope[:, 1 + n :]), worth / size[here, None])
+                good &= (bent[:, 1 + n :] <= _BENT * held + _NOISE * worth / step).all(axis=1)
+                found[here] = slope
+                left = [k for k in left if k not in here or not good[here.index(k)]]
+            if not left:
+                return found
+            steps[left] /= _SHRINK
+        raise self._error(left[0])
+
+    def _both_sides(self, which: int, step: float) -> np.ndarray | None:
+        """Return (2, 1 + n + changing) as `_repeated` with a quantity larger and smaller; None where one is none."""
+        ahead = self._repeated(which, step)
+        back = None if ahead is None else self._repeated(which, -step)
+        return None if ahead is None or back is None else np.stack([ahead, back])
 
     def _repeated(self, which: int, change: float) -> np.ndarray | None:
-        """Return (1 + n + registers,) when it happens with a quantity changed, and what follows.
+        """Return (1 + n + changing,) when it happens with a quantity changed, and what follows.
 
         None where something else happens.
         """
@@ -319,7 +323,7 @@ class Saltation:
         reached = behind(dynamics, found, 0)
         if not reached.is_like(self._reached):
             return None
-        return np.concatenate([[at.time + later], reached.x, reached.base])
+        return np.concatenate([[at.time + later], reached.x, reached.base[around.changing]])
 
     # ------------------------------------------------------------------ the instant
 

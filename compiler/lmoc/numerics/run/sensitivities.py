@@ -407,8 +407,8 @@ class Sweep:
         self.plan, self.n, self.m = observer.plan, len(observer.plan.states), len(directions)
         self.rtol, self.sizes = max(_SHARE * rtol, FINEST_SMOOTH), sizes
         self.scale, self._by = np.array([d.size for d in directions]), base
-        own = np.isin(np.arange(self.plan.count), self.plan.parameters)
-        registers = np.flatnonzero(own & (base != 0).any(axis=0))
+        own = np.sort(self.plan.parameters)
+        registers = own[(base[:, own] != 0).any(axis=0)]
         moves = base[:, registers].T * self.scale
         self._registers, self.system = registers, tangent_system(self.plan, registers, moves)
         self.system.prepare(observer.base, observer.signals)

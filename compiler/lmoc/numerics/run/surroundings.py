@@ -32,6 +32,7 @@ class Surroundings:
     sizes : (n,) of the states
     since, room : s, the instant before, and the time since then
     rates : (m, flat.count) derivatives of the parameter values
+    changing : registers that an instant may change: discrete variables, and modes of laws
     """
 
     def __init__(self, occasion: Occasion, directions: Sequence[Direction], sizes: np.ndarray, since: float) -> None:
@@ -49,6 +50,8 @@ class Surroundings:
             self._push = reduced.register_of[form.push]
             held = form.modes
             self._held = reduced.register_of[held]
+        changing = np.concatenate([self._discrete, self._held])
+        self.changing = changing[changing >= 0]
 
     def change(self, which: int, by: float) -> np.ndarray:
         """Return the changes (m,) in which one quantity is another."""
