@@ -198,13 +198,18 @@ class Expansion:
                 if isinstance(child, Variable) and not child.known:
                     inside = part.parent is None or child.hidden
                     child.causality = "output" if inside else "input"
+        fed: set[int] = set()  # identities of the signals of nodes that something inside gives
         changed = True
         while changed:
             changed = False
             for around, one, other in pairs:
                 for a, b in ((one, other), (other, one)):
-                    own = a.parent.owner is around and a.parent.expandable
-                    if own and a.causality == "input" and _gives(b, around):
+                    if not _of_bus(a, around) or id(a) in fed:
+                        continue
+                    if a.hidden and (id(b) in fed or _gives(b, around) and not _of_bus(b, around)):
+                        fed.add(id(a))
+                        changed = True
+                    elif a.causality == "input" and (id(b) in fed or _gives(b, around)):
                         a.causality, changed = "output", True
 
     def _signal_pairs(self, noted: Noted) -> Iterator[tuple[Instance, Variable, Variable]]:
@@ -221,6 +226,11 @@ def _pairs(around: Instance, one: InstanceNode, other: InstanceNode) -> Iterator
         for name, child in one.children.items():
             if name in other.children:
                 yield from _pairs(around, child, other.children[name])
+
+
+def _of_bus(signal: Variable, around: Instance) -> bool:
+    """Return whether a signal is an element of a bus of the part itself."""
+    return signal.parent.owner is around and signal.parent.expandable
 
 
 def _gives(signal: Variable, around: Instance) -> bool:

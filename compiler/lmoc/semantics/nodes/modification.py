@@ -101,7 +101,9 @@ def merge(outer: Modifier, inner: Modifier, name: str = "") -> Modifier:
         labels = (Label(inner.span, "final here"),) if inner.span else ()
         what = f"'{name}'" if name else "an element"
         raise Wrong("E0206", f"{what} is final and cannot be modified", outer.span, labels=labels)
-    _require_replaceable(outer, inner, name)
+    if outer.redeclaration is not None and inner.redeclaration not in (None, outer.redeclaration):
+        _require_replaceable(outer.redeclaration[0], inner.redeclaration[0], name)
+        return outer  # what a redeclaration gives to its own element is not given to another one (7.3.2)
     inside = dict(inner.inside)
     for key, modifier in outer.inside.items():
         inside[key] = merge(modifier, inside[key], key) if key in inside else modifier
@@ -114,12 +116,9 @@ def merge(outer: Modifier, inner: Modifier, name: str = "") -> Modifier:
     )
 
 
-def _require_replaceable(outer: Modifier, inner: Modifier, name: str) -> None:
+def _require_replaceable(again: tree.Redeclaration, first: tree.Redeclaration, name: str) -> None:
     """What has been redeclared is redeclared again only where that said ``redeclare replaceable`` (7.3)."""
-    if outer.redeclaration is None or inner.redeclaration is None:
-        return
-    again, first = outer.redeclaration[0], inner.redeclaration[0]
-    if again is not first and not first.element.replaceable:
+    if not first.element.replaceable:
         labels = (Label(first.span, "redeclared here, without 'replaceable'"),)
         raise Wrong("E0206", f"'{name or first.element.name}' is not replaceable", again.span, labels=labels)
 
