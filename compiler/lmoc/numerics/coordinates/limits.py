@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 
-from lmoc.numerics.limits import NO_ENTRY
 from lmoc.support.records import dataclass
 
 
@@ -30,7 +29,8 @@ class Limits:
     vanishing : as small a singular value of A, where a segment begins, is none
     grown : by which the sizes of entries must have grown for rows and columns to be equilibrated again
     normal : relative change of factors with which equilibration ends
-    no_entry : as of `numerics.limits`
+    no_entry : share of the largest entry in its row below which an entry is what the errors of a run leave of zero: a
+        coordinate that stays there by symmetry is no more than them
     """
 
     margin: float = 2.0
@@ -47,7 +47,7 @@ class Limits:
     vanishing: float = 1e-6
     grown: float = 1.25
     normal: float = 1e-2
-    no_entry: float = NO_ENTRY
+    no_entry: float = 1e-8
 
 
 LIMITS = Limits()
