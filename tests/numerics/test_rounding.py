@@ -51,3 +51,12 @@ def test_rounding_passes_through_linear_blocks():
     assert not bounds(w, 0.0).any()
     wide = bounds(w, 0.0, (np.array([a]), np.array([1e-3])))
     assert wide == pytest.approx([5e-4, 5e-4])
+
+
+def test_what_newtons_method_leaves_counts_as_rounding():
+    """x + x³ = a at zero: where nothing is rounded, the last correction may have left some 1e-17, or 1e-53."""
+    x, a, r = range(3)
+    inner = (Apply(A + A**3 - B, np.array([[x, a]]), np.array([r])),)
+    block = Solve(inner, np.array([[x]]), np.array([[r]]), linear=False, constant=False)
+    off = Rounding((block,), np.array([x]), 3)(np.array([np.nan, 0.0, np.nan]), 0.0)
+    assert 0 < off[0] < 1e-16

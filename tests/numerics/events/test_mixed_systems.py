@@ -190,3 +190,29 @@ def test_tables_over_an_input_and_interpolation() -> None:
     assert run["v.y[1]"] == pytest.approx(np.interp(t, [0, 1, 3], [1, 3, 2]), abs=1e-9)
     assert run["v.y[2]"] == pytest.approx(np.interp(2 * t, [0, 1, 3], [0, 1, 4]), abs=1e-9)
     assert sorted(set(run["n"])) == [1, 2]
+
+
+def test_a_relation_does_not_react_to_what_newtons_method_leaves():
+    """Two ideal diodes at rest in a nonlinear block: s = 1e-53 or -1e-79, as it comes, where it is zero."""
+    run = lmoc.compile_text("""model Gates
+      Real s[2], v[2], i[2], u[2], w, a;
+      Boolean off[2](each start = true, each fixed = true);
+      Real x(start = 0, fixed = true);
+    equation
+      for k in 1:2 loop
+        v[k] = s[k]*(if off[k] then 1 else 1e-5);
+        i[k] = s[k]*(if off[k] then 1e-5 else 1);
+        off[k] = s[k] < 0;
+        u[k] = if u[k] < 0.65 then 140*i[k] else 0.65^2/0.7 + 10*i[k];
+      end for;
+      i[1] + i[2] = 0;
+      w = v[1] + u[1] - v[2] - u[2];
+      a = w/15000 + 1e-9*w^3;
+      2*a - i[2] + x = 0;
+      der(x) = 1000*(w - x) + sin(time);
+    end Gates;""").simulate(stop=0.1)
+    assert run.complete and run["off[1]"][-1] == 1 and run["off[2]"][-1] == 0
+    open_one = 1 + 2 * 140e-5 + 1e-10  # w/s[1]: one diode off, the other one on, both in their gates
+    slope = 1000 / (2 / 15000 + 1e-5 / open_one) + 1000
+    assert run["x"][-1] == pytest.approx(np.sin(0.1) / slope, rel=1e-5)
+    assert run["s[1]"][-1] == pytest.approx(run["w"][-1] / open_one, rel=1e-9)

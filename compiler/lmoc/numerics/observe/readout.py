@@ -6,8 +6,10 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from lmoc.engine.accelerator import TapeAccelerator
 from lmoc.ir.program import Program, Solve, needed_steps, walk
 from lmoc.lower.blocks import values_tape
+from lmoc.numerics.evaluate.engine_system import EngineSystem, has_branches
 from lmoc.numerics.evaluate.function import TapeFunction
 from lmoc.numerics.observe.slices import Evaluate, Slice
 from lmoc.numerics.plan.plan import Plan
@@ -15,7 +17,7 @@ from lmoc.numerics.signals.signals import Signal
 
 
 class Readout:
-    """Values of registers; where nonlinear blocks are followed, by slices.
+    """Values of registers; where nonlinear blocks of mechanisms are followed, by slices.
 
     Parameters
     ----------
@@ -27,16 +29,24 @@ class Readout:
         self.plan, self.size, self._registers = plan, len(registers), registers
         self._function: TapeFunction | None = None
         self._slice: Slice | None = None
+        self._solved: _Solved | None = None
         if not len(registers):
             return
         if all(step.linear for step in walk(program) if isinstance(step, Solve)):
             self._tape = values_tape(program, count)
             self._function = self._bound()
-        else:
+        elif has_branches(plan):
             self._slice = Slice(plan, registers, program, count)
+        else:
+            self._program, self._count = program, count
+            self._accelerator = TapeAccelerator(values_tape(program, count))
+            self._solved = self._solver()
 
     def _bound(self) -> TapeFunction:
         return TapeFunction(self._tape, self.plan, self._registers)
+
+    def _solver(self) -> _Solved:
+        return _Solved(self.plan, self._program, self._registers, self._accelerator)
 
     def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Evaluate:
         """Return ``(times, states) -> (times, registers)`` with the values of a run."""
@@ -48,6 +58,8 @@ class Readout:
             return self._slice.bind
         if not self.size:
             return lambda base, signals: lambda times, states, known=None: np.zeros((len(times), 0))
+        if self._solved is not None:
+            return self._solver().bind
         function = self._bound()
 
         def bind(base: np.ndarray, signals: Mapping[int, Signal]) -> Evaluate:
@@ -60,6 +72,8 @@ class Readout:
         """Take the registers (count,) that do not change between events, and the inputs."""
         if self._function is not None:
             self._function.prepare(base, signals)
+        elif self._solved is not None:
+            self._evaluate = self._solved.bind(base, signals)
         elif self._slice is not None:
             self._evaluate = self._slice.bind(base, signals)
 
@@ -67,9 +81,37 @@ class Readout:
         """Return the values."""
         if self._function is not None:
             return self._function(t, x)
-        if self._slice is not None:
+        if self.size:
             return self._evaluate(np.array([t]), x[None])[0]
         return np.zeros(0)
+
+
+class _Solved:
+    """Registers behind nonlinear blocks, solved in C from the last solution, which the next piece of a run goes on from."""
+
+    def __init__(self, plan: Plan, program: Program, registers: np.ndarray, accelerator: TapeAccelerator) -> None:
+        self._system = EngineSystem(plan, program, plan.states, registers, accelerator)
+
+    def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Evaluate:
+        """As `Readout.bind`."""
+        system = self._system
+        unknowns = system.kernel.unknowns
+        last = system.w[unknowns].copy()
+        own = base[: system.plan.count], signals
+        system.prepare(*own)
+        solved = np.isfinite(last)
+        system.w[unknowns[solved]] = last[solved]
+
+        def evaluate(times: np.ndarray, states: np.ndarray, known: np.ndarray | None = None) -> np.ndarray:
+            found = np.empty((len(times), len(system.outputs)))
+            for t, x, out in zip(times.tolist(), states, found, strict=True):
+                system.rhs(t, x, out)
+                if not np.isfinite(out).all():
+                    system.prepare(*own)
+                    system.rhs(t, x, out)
+            return found
+
+        return evaluate
 
 
 def readout_of(plan: Plan, registers: np.ndarray) -> Readout:

@@ -19,6 +19,7 @@ from lmoc.numerics.solve.interpreter import Interpreter, segment_sums
 
 _EXACT = {"neg", "abs", "if", "event", "min", "max"}  # they round nothing themselves
 _DECIDED = {*RELATIONS, *"and or not sign floor ceil integer div_integer xor".split()}  # values that jump
+_LEFT = 1e-17  # of the size of the unknowns: what Newton's method may leave of their error where it ends (``newton.c``)
 _WHOLE = {"mod", "rem"}  # x − n·y: a jump of n is none of rounding
 
 
@@ -74,7 +75,7 @@ class Rounding:
             self._step(inner, w, off, time)
         matrix = self._interpreter.matrix(step, w, time)
         for rows, residuals, one in zip(step.unknowns, step.residuals, matrix, strict=True):
-            off[rows] = _carried(one, off[residuals])
+            off[rows] = _carried(one, off[residuals]) + (0.0 if step.linear else _LEFT * (1.0 + np.abs(w[rows])))
         for inner in step.inner:
             self._step(inner, w, off, time)
 
