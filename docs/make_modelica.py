@@ -28,7 +28,8 @@ What the library leaves to C or to loops over values that change stands in lmo i
 `stdlib/modelica.mo`, under the library's own names: tables, generators of random numbers,
 linear equations and least squares of LAPACK (`dgesv`, `dgesv_vec`, `dgglse_vec`), `Streams.error`. The seed that
 `automaticGlobalSeed` gives is the same in each run, as all that lmoc computes; other seeds give other noise. The
-generator with a state of its own (`impureRandom`) is refused. Units that do not fit within a library are warnings
+generator with a hidden state (`impureRandom`) draws in one when-equation of a model, since nothing says in which order
+several calls come; a second one is refused. Units that do not fit within a library are warnings
 (W0303). What a package has written (kinks, open ends, guesses of starts, assertions in functions) is told of its own
 class alone, not of a model that uses it, and of a class that is only named (`lmoc run Package.Class`) unless it has
 been found in a folder of `--path`, `path=` or `LMOPATH`.

@@ -138,11 +138,17 @@ package Modelica "Elements of Modelica's library that its own text leaves to C, 
           output Integer seed = 1;
         algorithm
         end automaticGlobalSeed;
-        function initializeImpureRandom "Only the name of the generator, which is not available"
+        function initializeImpureRandom "The seed itself, which is the name of the generator that begins with it"
           input Integer seed;
-          output Integer id = 715827883;
+          output Integer id = seed;
         algorithm
         end initializeImpureRandom;
+        function impureRandom "Draw with xorshift1024*, whose state is hidden: in one when-equation of a model"
+          input Integer id;
+          output Real y "In (0, 1]";
+        algorithm
+          y := __lmoc_impure_random(Modelica.Math.Random.Utilities.initialStateWithXorshift64star(715827883, id, 33));
+        end impureRandom;
       end Utilities;
     end Random;
   end Math;

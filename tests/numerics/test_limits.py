@@ -65,8 +65,9 @@ def test_entries_that_errors_have_left_do_not_count(share, counts):
 
 @pytest.mark.parametrize("first, bound", [("a + b - c", 1e-10), ("5e-11", 1e-10), ("2e-8", 1e-8)])
 def test_no_coordinate_depends_by_what_errors_have_left(first, bound):
-    """A body turns about a direction that is nearly across its first axis: Q[4] = 0 at half a turn, where Q[1], which is
-    6e-17, 1e-11 or 4e-9 of the others, cannot take its place.
+    """A body turns nearly across its first axis: Q[4] = 0 at half a turn, where Q[1] cannot take its place.
+
+    It is 6e-17, 1e-11 or 4e-9 of the others.
     """
     run = lmoc.compile_text(f"""model Turn
       parameter Real a = 0.1, b = 0.2, c = 0.3;

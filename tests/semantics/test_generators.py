@@ -18,7 +18,13 @@ LIBRARY = """package Modelica
     package Xorshift1024star
       function random input Integer stateIn[33]; output Real result; output Integer stateOut[33]; end random;
     end Xorshift1024star;
-  end Generators; end Random; end Math;
+  end Generators;
+  package Utilities
+    function initializeImpureRandom input Integer seed; output Integer id; end initializeImpureRandom;
+    impure function impureRandom input Integer id; output Real y; end impureRandom;
+    function initialStateWithXorshift64star input Integer localSeed, globalSeed, nState; output Integer state[nState];
+    algorithm state := {k*globalSeed - localSeed for k in 1:nState}; end initialStateWithXorshift64star;
+  end Utilities; end Random; end Math;
   package Utilities package Strings
     function hashString input String string; output Integer hash; end hashString;
   end Strings; end Utilities;
@@ -73,6 +79,36 @@ def test_numbers_are_those_of_the_published_generator(name, make, size) -> None:
         (r, state) = Modelica.Math.Random.Generators.{name}.random(pre(state)); end when; end Draws;""",
                             model="Draws").simulate(times=np.arange(21) + 0.5)  # fmt: skip
     assert list(run["r"]) == drawn(make, seeds, 21)
+
+
+HIDDEN = """ model Hidden import Modelica.Math.Random.Utilities.*;
+    parameter Integer seed = 12345; parameter Integer id(fixed = false); discrete Real r, s;
+    Integer n(start = 0, fixed = true);
+  initial equation id = initializeImpureRandom(seed);
+  equation
+    when {initial(), sample(1, 1)} then r = impureRandom(id); n = pre(n) + 1; end when; s = %s; end Hidden;"""
+
+
+def test_a_generator_with_a_hidden_state() -> None:
+    """The start and each instant draw one number, whatever the iterations of events; each run begins anew."""
+    dae = lmoc.compile_text(LIBRARY + HIDDEN % "r", model="Hidden")
+    for seed in (12345, 7):
+        state = [(k * seed - 715827883 + 2**31) % 2**32 - 2**31 for k in range(1, 33)] + [(33 * seed - 715827883) % 16]
+        run = dae.simulate(times=[0.5, 1.5, 2.5, 3.5], parameters={"seed": seed})
+        assert list(run["s"]) == drawn(star1024, state, 4)
+    assert run["n"][-1] == 4
+
+
+@pytest.mark.parametrize("call", ["impureRandom(id)", "if r > 0.5 then impureRandom(id) else 0"])
+def test_a_hidden_state_needs_an_order(call) -> None:
+    with pytest.raises(lmoc.ModelError, match="in when-equations only"):
+        lmoc.compile_text(LIBRARY + HIDDEN % call, model="Hidden")
+    twice = HIDDEN.replace("n = pre(n) + 1;", "n = pre(n) + 1; s = impureRandom(id);").replace("s = %s;", "")
+    with pytest.raises(lmoc.ModelError, match="E0230.*second call"):
+        lmoc.compile_text(LIBRARY + twice, model="Hidden")
+    maybe = HIDDEN.replace("r = impureRandom(id)", "r = if time > 1 then impureRandom(id) else 0") % "r"
+    with pytest.raises(lmoc.ModelError, match="E0230.*in a branch"):
+        lmoc.compile_text(LIBRARY + maybe, model="Hidden")
 
 
 def test_a_seed_that_the_start_finds() -> None:

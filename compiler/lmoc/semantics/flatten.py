@@ -35,6 +35,7 @@ from lmoc.semantics.drafts.long_sums import LongSums
 from lmoc.semantics.drafts.unit_check import check_units, report_unknown_units
 from lmoc.semantics.equations import EquationSection
 from lmoc.semantics.events import functions as _events  # noqa: F401  registers pre, edge, …
+from lmoc.semantics.events import impure as _impure  # noqa: F401  registers a generator with a hidden state
 from lmoc.semantics.events.assemble import with_events
 from lmoc.semantics.events.whens import mark
 from lmoc.semantics.instances.declarations import declare, settle_computed, settle_explicit, settle_from_start

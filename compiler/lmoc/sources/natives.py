@@ -16,7 +16,7 @@ from lmoc.syntax import tree
 # without their packages
 NAMES = frozenset(
     ("interpolate", "TimeTable", "CombiTimeTable", "CombiTable1Ds", "CombiTable1Dv",
-     "random", "automaticGlobalSeed", "initializeImpureRandom", "hashString", "error",
+     "random", "automaticGlobalSeed", "initializeImpureRandom", "impureRandom", "hashString", "error",
      "dgesv", "dgesv_vec", "dgglse_vec")
 )  # fmt: skip
 

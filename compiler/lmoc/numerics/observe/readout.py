@@ -87,7 +87,7 @@ class Readout:
 
 
 class _Solved:
-    """Registers behind nonlinear blocks, solved in C from the last solution, which the next piece of a run goes on from."""
+    """Registers behind nonlinear blocks, solved in C from the last solution, of an earlier piece too."""
 
     def __init__(self, plan: Plan, program: Program, registers: np.ndarray, accelerator: TapeAccelerator) -> None:
         self._system = EngineSystem(plan, program, plan.states, registers, accelerator)

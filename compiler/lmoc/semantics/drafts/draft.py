@@ -130,6 +130,15 @@ class ActionDraft:
 AnyDraft = TypeVar("AnyDraft", GroupDraft, AssignmentDraft, CheckDraft, ActionDraft)
 
 
+@dataclass(frozen=True)
+class Guard:
+    """What must be true for a statement of a when-equation to be carried out, where it stands, and if it branches."""
+
+    condition: Expr
+    span: Span
+    branches: bool
+
+
 @dataclass
 class Drafts:
     """The equations and bindings of the whole model translated so far."""
@@ -151,6 +160,8 @@ class Drafts:
     terminations: list[ActionDraft] = field(default_factory=list)
     helpers: Helpers = field(default_factory=Helpers)
     assigned: dict[tuple, tuple[object, Span]] = field(default_factory=dict)  # at events: by which `when`, and where
+    guard: Guard | None = None  # of the statement of a when-equation that is being translated
+    drawn: Span | None = None  # where a generator with a hidden state is called
 
 
 def compact(leaves: list[Leaf], *shapes: Expr) -> tuple[list[Leaf], tuple[Expr, ...]]:

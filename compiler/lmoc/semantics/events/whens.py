@@ -19,7 +19,7 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Label, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.assembly.laws import law_function, misplaced
-from lmoc.semantics.drafts.draft import ActionDraft, CheckDraft, Drafts, compact, equality, flat_column
+from lmoc.semantics.drafts.draft import ActionDraft, CheckDraft, Drafts, Guard, compact, equality, flat_column
 from lmoc.semantics.events.functions import phase, rises
 from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Instance, Variable
@@ -31,6 +31,7 @@ from lmoc.semantics.values.translate import MAX_UNROLLED, changes, continuous, d
 from lmoc.semantics.values.value import Value, number
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
+from lmoc.syntax.node import walk
 
 CONDITION, ASSIGNED = "condition", "when"  # origins of the equations made here
 STATEMENTS = ("assert", "terminate", "reinit")
@@ -186,6 +187,13 @@ class WhenEquation:
     # ---------------------------------------------------------------------- assignments
 
     def _equality(self, context: Context, e: tree.Equality, guard: Expr) -> None:
+        self.drafts.guard = Guard(guard, e.span, any(isinstance(n, tree.If) for n in walk(e.right)))
+        try:
+            self._assignment(context, e, guard)
+        finally:
+            self.drafts.guard = None
+
+    def _assignment(self, context: Context, e: tree.Equality, guard: Expr) -> None:
         if isinstance(e.left, tree.Tuple):
             if not isinstance(e.right, tree.Call):
                 raise Wrong("E0301", "only a function call can give values to several variables", e.span)

@@ -110,8 +110,8 @@ def _chosen(state: list[Word], at: Expr) -> Word:
     return low, high
 
 
-def _drawn(halves: list[Expr]) -> tuple[Expr, list[Expr]]:
-    """The next number and the next state; the generator is told by how many halves there are."""
+def drawn(halves: list[Expr]) -> tuple[Expr, list[Expr]]:
+    """Return the next number and the next state; the generator is told by how many halves there are."""
     words = [_rest(half, _HALF) for half in halves]
     state = list(zip(words[0::2], words[1::2], strict=False))
     place = []
@@ -126,15 +126,16 @@ def _drawn(halves: list[Expr]) -> tuple[Expr, list[Expr]]:
 
 @builtin("__lmoc_random")
 def _random(context: Context, call: tree.Call) -> Value:
-    return Value(_drawn(_halves(context, call))[0])
+    return Value(drawn(halves(context, call))[0])
 
 
 @builtin("__lmoc_random_state")
 def _random_state(context: Context, call: tree.Call) -> Value:
-    return stack([Value(half, (), "Integer") for half in _drawn(_halves(context, call))[1]], (), "Integer")
+    return stack([Value(half, (), "Integer") for half in drawn(halves(context, call))[1]], (), "Integer")
 
 
-def _halves(context: Context, call: tree.Call) -> list[Expr]:
+def halves(context: Context, call: tree.Call) -> list[Expr]:
+    """Return the halves of the words of the state that a call is given."""
     (state,) = arguments(context, call, 1)
     if state.type != "Integer" or state.dims not in ((2,), (4,), (33,)):
         raise Wrong("E0301", f"the state of '{call.function}' is 2, 4 or 33 Integers", call.span, found=state.type)
