@@ -263,9 +263,10 @@ def test_a_fast_swing_at_work_is_followed_to_the_end(rtol):
 
 def test_a_stiff_scene_whose_conditions_are_looked_at_goes_on_by_bdf_early():
     """Some 2000 steps of DOP853, each looked at, take longer than BDF needs for the whole."""
-    text = """model M Real x(start = 1, fixed = true); Integer n(start = 0, fixed = true);
-      equation der(x) = -6000*(x - cos(time)); when x < 0 then n = pre(n) + 1; end when; end M;"""
+    text = """model M Real x(start = 1, fixed = true), y; Integer n(start = 0, fixed = true);
+      equation der(x) = -6000*(x - cos(time)) - 100*y^3; y + y^3 = x;
+        when y < 0 then n = pre(n) + 1; end when; end M;"""
     run = lmoc.compile_text(text).simulate(stop=2)
-    assert run.stats["solver"].endswith("cvode") and run.stats["steps"] < 1000 and run["n"][-1] == 1
+    assert "cvode" in run.stats["solver"] and run.stats["steps"] < 1000 and run["n"][-1] == 1
     (event,) = run.events
     assert event.time == pytest.approx(np.pi / 2 + 1 / 6000, abs=1e-6)

@@ -90,7 +90,8 @@ class _Solved:
     """Registers behind nonlinear blocks, solved in C from the last solution, of an earlier piece too."""
 
     def __init__(self, plan: Plan, program: Program, registers: np.ndarray, accelerator: TapeAccelerator) -> None:
-        self._system = EngineSystem(plan, program, plan.states, registers, accelerator)
+        outputs = np.concatenate([registers, plan.states])  # a system has no fewer outputs than states
+        self._system, self._size = EngineSystem(plan, program, plan.states, outputs, accelerator), len(registers)
 
     def bind(self, base: np.ndarray, signals: Mapping[int, Signal]) -> Evaluate:
         """As `Readout.bind`."""
@@ -109,7 +110,7 @@ class _Solved:
                 if not np.isfinite(out).all():
                     system.prepare(*own)
                     system.rhs(t, x, out)
-            return found
+            return np.ascontiguousarray(found[:, : self._size])
 
         return evaluate
 

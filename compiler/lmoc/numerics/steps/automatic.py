@@ -53,7 +53,7 @@ _SERIES_WORK, _SERIES_WORK_AT = 1.2e5, 1e-4  # steps times rows up to which a se
 _LOOK = 500  # rows that take as long as a look at a step in Python, for events and closures
 _LIMIT = 6.0  # |h·λ| at the edge of the stability region of an explicit method
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
-_LOOKED_AT_PATIENCE = 300  # the same where conditions are looked at in Python in each step, which takes as long as many
+_LOOKED_AT_PATIENCE = 300  # the same where conditions are looked at behind nonlinear blocks, which takes as long
 _WORK = 4e7  # rows evaluated in that time
 _FOLLOWED = 300  # times as many steps where a fast swinging mode is at work: any method must follow it
 _TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
@@ -100,7 +100,8 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     ----------
     integrate : by the name of a method
     """
-    way = Way(replace(problem, patience=patience(problem.system, problem.roots is not None)))
+    looked_at = problem.roots is not None and problem.system.plan.once(_has_nonlinear_blocks)
+    way = Way(replace(problem, patience=patience(problem.system, looked_at)))
     rule = legs(way)
     try:
         while True:
@@ -236,7 +237,7 @@ class Way:
         Not where somebody has looked at the steps, or blocks go on from their last solutions, on one of their branches.
         """
         problem = self.problem
-        blocks = any(isinstance(s, Solve) and not s.linear for s in walk(problem.system.plan.program))
+        blocks = problem.system.plan.once(_has_nonlinear_blocks)
         if not problem.needs_steps and problem.correction is None and not blocks:
             self.outcome = replace(self.outcome, time=problem.t, x=problem.x, reached=0)
 
@@ -388,8 +389,17 @@ def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
 # ---------------------------------------------------------------------- stiffness
 
 
+def _has_nonlinear_blocks(plan: Plan) -> bool:
+    return any(isinstance(s, Solve) and not s.linear for s in walk(plan.program))
+
+
 def patience(system: System, looked_at: bool = False) -> float:
-    """Steps that are still cheaper for DOP853 than another method is."""
+    """Steps that are still cheaper for DOP853 than another method is.
+
+    Parameters
+    ----------
+    looked_at : whether conditions behind nonlinear blocks are looked at in each step
+    """
     if looked_at:
         return _LOOKED_AT_PATIENCE
     return min(max(_WORK / (16 * max(1, system.plan.row_count)), _LEAST_PATIENCE), system.most_steps)

@@ -67,5 +67,5 @@ def _first(context: Context, name: str, value: Expr, span: Span) -> Expr:
 
 
 def _equation(context: Context, span: Span, type_: str, left: Expr, right: Expr) -> None:
-    sides = [Value(e, (), type_) for e in (left, right)]
-    context.model.drafts.groups.extend(equality(context, *sides, span, context.model.root, ORIGIN))
+    one, other = Value(left, (), type_), Value(right, (), type_)
+    context.model.drafts.groups.extend(equality(context, one, other, span, context.model.root, ORIGIN))
