@@ -58,7 +58,7 @@ def series_text(code: np.ndarray, lanes: int) -> str:
     lines = [_line(name, rest) for name, rest in _instructions(code)]
     return "\n".join([
         f"#define LMOC_OF_LANES {lanes}",
-        headers("lane", "lu", "tape", "engine", "series", "recurrence"),
+        headers("lane", "lu", "tape", "tables", "engine", "series", "recurrence"),
         # clang has rows of four where an engine that gcc has built has rows of eight
         f"#if LMOC_LANES != {lanes}",
         "#error another compiler has built the engine",
