@@ -81,6 +81,7 @@ class SegmentSolver:
         self._deadline = None if options.max_seconds is None else clock.thread_time() + options.max_seconds
         self._progress = None if task.progress is None else lambda t: task.progress(t, task.span.end)
         self._lookout: Lookout | None = None
+        self._given = break_times(task.signals, task.span.start, task.span.end, _MOST_OF_TABLES)
         self._spent: dict[Plan, PlanCost] = {}
         self.unresolved: np.ndarray | float = 0.0
         self.errors: np.ndarray | float = 0.0
@@ -212,7 +213,8 @@ class SegmentSolver:
         if len(own) == kinks.MOST:
             text = f"the formulas of time have kinks or jumps after t = {own[-1]:g} s, too"
             self.task.report.warning("W0526", text)
-        given = break_times(self.task.signals, begin, end, _MOST_OF_TABLES)
+        first, last = np.searchsorted(self._given, begin, "left"), np.searchsorted(self._given, end, "right")
+        given = self._given[first:last]
         return distinct(np.concatenate([own, given])) if len(own) and len(given) else own if len(own) else given
 
 

@@ -10,7 +10,6 @@ curve jumps.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from functools import cached_property
 
 import numpy as np
@@ -55,16 +54,17 @@ class Curve:
         return np.where(before | (t > self.knots[-1]), 0.0, result / length**order)
 
     def at(self, t: float, order: int = 0) -> float:
-        """The same for one time; an integrator asks often, and numpy is slow for single numbers."""
-        knots, pieces = self._lists(order)
-        if t < knots[0] or t > knots[-1] or (t == knots[-1] and order == 0):
-            return 0.0 if order else self._ends[t >= knots[-1]]
-        k = min(bisect_right(knots, t), len(knots) - 1) - 1
-        begin, scale, low, high, coefficients = pieces[k]
-        u, result = (t - begin) * scale, 0.0
-        for c in coefficients:
-            result = result * u + c
-        return result * scale**order if order else min(max(result, low), high)
+        """The same for one time; numpy is slow for single numbers."""
+        knots, last = self.knots, float(self.knots[-1])
+        if t < knots[0] or t > last or (t == last and order == 0):
+            return 0.0 if order else self._ends[bool(t >= last)]
+        k = min(int(knots.searchsorted(t, "right")), len(knots) - 1) - 1
+        length = float(self._lengths[k])
+        u, result = (t - float(knots[k])) / length, 0.0
+        for c in self._derivatives(order)[::-1]:
+            result = result * u + float(c[k])
+        low, high = self._bounds
+        return result / length**order if order else min(max(result, float(low[k])), float(high[k]))
 
     def pieces(self, order: int) -> tuple[np.ndarray, ...]:
         """Return the derivative of an order: knots, coefficients by piece (see there), its bounds, the ends."""
@@ -100,24 +100,16 @@ class Curve:
 
     def _derivatives(self, order: int) -> np.ndarray:
         """Coefficients of a derivative by u."""
-        c = self.coefficients
-        for _ in range(order):
-            c = c[1:] * np.arange(1, len(c))[:, None]
-        return c
-
-    def _lists(self, order: int) -> tuple[list[float], list[tuple]]:
         if order not in self._made:
-            self._made[order] = self._make_lists(order)
+            c = self.coefficients
+            for _ in range(order):
+                c = c[1:] * np.arange(1, len(c))[:, None]
+            self._made[order] = c
         return self._made[order]
 
     @cached_property
-    def _made(self) -> dict[int, tuple[list[float], list[tuple]]]:
+    def _made(self) -> dict[int, np.ndarray]:
         return {}
-
-    def _make_lists(self, order: int) -> tuple[list[float], list[tuple]]:
-        numbers = (self.knots[:-1], 1 / self._lengths, *self._bounds)
-        coefficients = self._derivatives(order)[::-1].T.tolist()
-        return self.knots.tolist(), list(zip(*(n.tolist() for n in numbers), coefficients, strict=True))
 
 
 @np.errstate(all="ignore")

@@ -126,7 +126,8 @@ def edges(problem: Problem) -> Iterator[float]:
     """Yield the breaks of a problem, and where other bounds on the steps begin; infinity at last."""
     begin = problem.t
     if problem.lookout.is_free:
-        yield from problem.breaks.tolist()
+        for first in range(0, len(problem.breaks), _FEW):  # an event may come soon
+            yield from problem.breaks[first : first + _FEW].tolist()
         yield np.inf
         return
     for edge in (*problem.breaks.tolist(), np.inf):
