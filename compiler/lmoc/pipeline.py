@@ -212,11 +212,13 @@ def reduce_with_loops(minimal: Reduced, states: Sequence[str] | None, gain: floa
 
         report = Report()
         try:
-            reduced = reduce(minimal.flat, minimal.values, states, report, loops=True)
+            named = states if minimal.switched is None else minimal.state_names  # as those of the free scene
+            reduced = reduce(minimal.flat, minimal.values, named, report, loops=True)
         except NotReleasedError as error:
             message = f"the coordinates of the loops cannot all be states: {error}"
             raise NotFormulatedError([Diagnostic("E0626", message, expected="formulation 'reduced'")]) from error
         report.check()
+    reduced = replace(reduced, switched=minimal.switched, lawful=minimal.lawful)
     return with_feedback(reduced, gain) if gain else reduced
 
 

@@ -248,7 +248,7 @@ class Session:
         NotFormulatedError
             E0626: the scene cannot be run in this formulation.
         """
-        minimal, form = prepared.reduced, wanted.form
+        form = wanted.form
         if form.name in ("auto", "reduced"):
             return prepared
         if prepared.flat.laws or prepared.flat.events is not None:
@@ -256,25 +256,43 @@ class Session:
             from lmoc.numerics.options.formulations import NotFormulatedError
 
             raise NotFormulatedError([Diagnostic("E0626", message, expected="auto or reduced")])
-        if minimal.invariants is None:
+        if prepared.reduced.invariants is None:
             note = Diagnostic("N0634", f"no closed loops are left in this scene: {form.name} is the same as reduced")
             return replace(prepared, notes=(*prepared.notes, note))
-        key = id(minimal), wanted.gain
-        if key not in self._formulated:
-            self._formulated[key] = minimal, pipeline.reduce_with_loops(minimal, self.scene.states, wanted.gain, clock)
-        return replace(prepared, reduced=self._formulated[key][1], minimal=minimal)
+        released = self.in_all_coordinates(prepared, wanted.gain, clock)
+        return replace(prepared, reduced=released, minimal=prepared.reduced)
 
     def released(self, prepared: Prepared) -> Reduced:
-        """Return the reduction with all coordinates of closed loops as states.
+        """Return the reduction with all coordinates of closed loops as states, in which the scene can be run.
+
+        Raises
+        ------
+        NotFormulatedError
+            E0626: it cannot.
+        """
+        from lmoc.numerics.options.formulations import TABLE, Requested
+
+        return self.formulated(prepared, Requested(TABLE["index1"]), Clock()).reduced
+
+    def in_all_coordinates(self, prepared: Prepared, gain: float = 0.0, clock: Clock | None = None) -> Reduced:
+        """Return the same whatever can be run in it; the reduction in minimal coordinates where no loops are left.
+
+        Parameters
+        ----------
+        gain : 1/s, of the feedback of closures; 0 without
 
         Raises
         ------
         NotFormulatedError
             E0626: not all of them can be states.
         """
-        from lmoc.numerics.options.formulations import TABLE, Requested
-
-        return self.formulated(prepared, Requested(TABLE["index1"]), Clock()).reduced
+        minimal, key = prepared.reduced, (id(prepared.reduced), gain)
+        if minimal.invariants is None:
+            return minimal
+        if key not in self._formulated:
+            made = pipeline.reduce_with_loops(minimal, self.scene.states, gain, clock or Clock())
+            self._formulated[key] = minimal, made
+        return self._formulated[key][1]
 
     def equations_of_loops(self, prepared: Prepared) -> EquationsOfMotion:
         """Return the equations of motion of a scene with closed loops, in minimal coordinates where these are short.

@@ -170,10 +170,71 @@ def test_values_far_from_those_of_the_scene_are_told_of(tmp_path) -> None:
     assert b"no longer tell where it goes" in said[-1]
 
 
+EVENTS = """
+model Switching
+  {}
+  Real fn, gap, tau, w;
+  discrete Integer turns(start = 0, fixed = true);
+equation
+  {}
+  gap = 0.6 - {};
+  Law.unilateral(fn, gap);
+  Law.dryFriction(tau, w, 2, 2.5);
+  when {} > 0.1 then turns = pre(turns) + 1; end when;
+  annotation(experiment(StopTime = 3));
+end Switching;
+"""
+IN_X_AND_Y = EVENTS.format(
+    "Real x(start = 0, fixed = true), y(start = -1), vx(start = -9, fixed = true), vy, T;",
+    "der(x) = vx; der(y) = vy; x^2 + y^2 = 1; w = x*vy - y*vx; "
+    "der(vx) = -T*x - fn - y*(tau + 9); der(vy) = -T*y - 9.81 + x*(tau + 9);", "x", "y",
+)  # fmt: skip
+BY_ANGLE = EVENTS.format(
+    "Real theta(start = 0, fixed = true), omega(start = -9, fixed = true);",
+    "w = omega; der(theta) = omega; der(omega) = tau + 9 - 9.81*sin(theta) - fn*cos(theta);",
+    "sin(theta)", "-cos(theta)",
+)  # fmt: skip
+REINIT = "when x > 0.5 then reinit(vx, 0.9*pre(vx)); end when;"
+SLOWED = """
+model Slowed
+  Real theta(start = 0, fixed = true), omega(start = 7.1, fixed = true);
+equation
+  der(theta) = omega; der(omega) = -9.81*sin(theta);
+  when sin(theta) > 0.5 then reinit(omega, 0.9*pre(omega)); end when;
+  annotation(experiment(StopTime = 2));
+end Slowed;
+"""
+
+
+@pytest.mark.parametrize(
+    ("fmi", "text", "by_angle", "happens"),
+    [(2, IN_X_AND_Y, BY_ANGLE, 4),  # thrown up backwards against friction and a torque, it comes to rest at a wall
+     (3, PENDULUM.format("parameter", " = 0", "", REINIT), SLOWED, 2)],
+)  # fmt: skip
+def test_laws_and_events_where_coordinates_change(fmi, text, by_angle, happens, tmp_path) -> None:
+    """A pendulum in x and y against the same with its angle as the coordinate, in which nothing has to change."""
+    from fmpy.validation import validate_fmu
+
+    run = lmoc.compile_text(by_angle).simulate(points=101, rtol=1e-10)
+    theta, omega = run["theta"], run["omega"]
+    expected = {"x": np.sin(theta), "y": -np.cos(theta), "vx": omega * np.cos(theta), "vy": omega * np.sin(theta)}
+    made = lmoc.compile_text(text).export(tmp_path / "scene.fmu", fmi=fmi)
+    assert validate_fmu(str(made.path)) == []
+    assert len(run.events) >= happens
+    for kind, steps, rtol in (("ModelExchange", 100, 1e-8), ("CoSimulation", 100, RTOL), ("CoSimulation", 10, RTOL)):
+        found = simulated(
+            made.path, fmi_type=kind, stop_time=run.time[-1], output_interval=run.time[-1] / steps,
+            relative_tolerance=rtol, output=list(expected), record_events=False,
+        )  # fmt: skip
+        own = found[np.searchsorted(found["time"], run.time[:: 100 // steps] - 1e-9)]
+        for name, values in expected.items():
+            there = values[:: 100 // steps]
+            assert np.abs(own[name] - there).max() < 100 * RTOL * np.abs(there).max(), (kind, steps, name)
+
+
 @pytest.mark.parametrize(
     ("parts", "why"),
-    [(("parameter", " = 0", "discrete Real n(start = 0, fixed = true);", "when x > 0.5 then n = pre(n) + 1; end when;"),
-      "laws or events"),
+    [(("parameter", " = 0", "", "when x > 0.5 then reinit(y, pre(y)); end when;"), "`reinit` sets 'y' in a closed"),
      (("input", "", "", ""), "follow the input 'u'")],
 )  # fmt: skip
 def test_what_cannot_be_exported_is_refused_by_name(parts: tuple[str, ...], why: str, tmp_path) -> None:

@@ -56,7 +56,7 @@ class _Instant(ctypes.Structure):
         *[(name, ctypes.c_double) for name in ("time", "bound_time", "bound_size")],
         ("owner", ctypes.c_void_p),
         *[(name, ctypes.c_void_p) for name in _HOOKS],
-        ("move", ctypes.c_void_p),
+        *[(name, ctypes.c_void_p) for name in ("move", "follow")],
     ]
 
 

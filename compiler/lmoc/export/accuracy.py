@@ -22,15 +22,17 @@ def step_factor(dae: CompiledDAE, plan: Plan, run: Run, inputs: Mapping[str, flo
 
     Parameters
     ----------
-    run : of the experiment, in the coordinates of the plan
+    run : of the experiment
     """
     method, factor = str(run.stats["solver"]), calibrated(plan)
     if plan.reduced.in_all_coordinates:
         factor *= FINER  # as a run behind a change of coordinates
     if not set(method.split(", ")) <= {"dop853", "taylor"} or not len(plan.states):
         return factor
-    formulation = "projected" if plan.reduced.in_all_coordinates else "auto"
-    if method != "dop853":  # a series has fewer steps
+    # with laws or events a run is in minimal coordinates
+    smooth = plan.reduced.switched is None and plan.reduced.flat.events is None
+    formulation = "projected" if plan.reduced.in_all_coordinates and smooth else "auto"
+    if method != "dop853" or formulation != "auto":  # a series has fewer steps
         run = dae.simulate(points=2, energy=False, inputs=inputs, solver="dop853", formulation=formulation)
     first = run.trajectory.segments[0]
     slowest = refinement(first.observer, float(first.time[0]), first.table[0])["slowest"]

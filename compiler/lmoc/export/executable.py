@@ -10,7 +10,17 @@ from lmoc.export.accuracy import step_factor
 from lmoc.export.instants import Instants, Told, instants, message_of
 from lmoc.export.jumps import JumpTables, jump_tables
 from lmoc.export.laws import LawTables, law_tables, why_not
-from lmoc.export.loops import LoopTables, Tied, as_given, closing_parameters, in_all_coordinates, loop_tables, tied_ones
+from lmoc.export.loops import (
+    LoopTables,
+    Tied,
+    as_given,
+    closing_parameters,
+    in_all_coordinates,
+    loop_tables,
+    states_along,
+    tied_ones,
+    values_at_start,
+)
 from lmoc.export.refusals import refusal
 from lmoc.export.settable import Tried, begun
 from lmoc.export.variables import Variable, listed
@@ -125,33 +135,37 @@ def executable(dae: CompiledDAE) -> Executable:
     if why := why_not(plan):
         raise refusal(flat, why)
     zero_inputs = {flat.variable_name(v): 0.0 for v in open_inputs}
-    run = minimal = dae.simulate(energy=False, inputs=zero_inputs)
-    of_loops = in_all_coordinates(dae, run, zero_inputs)
+    run = dae.simulate(energy=False, inputs=zero_inputs)
+    first, minimal = run.trajectory.segments[0], plan
+    of_loops = in_all_coordinates(dae, run)
     if of_loops is not None:
-        run, plan = of_loops, build_plan(of_loops.trajectory.segments[0].reduced, signals, False, report)
+        plan = build_plan(of_loops, signals, False, report)
         report.check()
-    first = run.trajectory.segments[0]
     base = plan.base(plan.reduced.flat.extended(dae.values), signals)
     span = float(run.time[0]), float(run.time[-1])
     inputs = _inputs(plan)
     right, observing, exported = _programs(plan)
     observe = values_tape(observing, plan.count)
     unknowns = np.concatenate([_unknowns(right), _unknowns(observe)]).astype(int)
-    guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
-    guessed = guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0)
-    start = begun(run, len(plan.states))
+    if of_loops is None:
+        guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
+        guessed = guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0)
+        start = begun(run, len(plan.states))
+        motion = np.concatenate([segment.table[:, : len(plan.states)] for segment in run.trajectory.segments])
+    else:
+        guessed, start = (values_at_start(run.trajectory, plan, r) for r in (unknowns, plan.states))
+        motion = states_along(run.trajectory, plan)
     values = plan.reduced.flat.extended(dae.values)
-    laws = law_tables(plan, values, signals, _inputs, run.trajectory) if reduced.switched is not None else None
+    laws = law_tables(plan, values, signals, _inputs, (run.time, motion)) if reduced.switched is not None else None
     jumps = jump_tables(plan)
     nothing = np.zeros(0, int)
     read = nothing if laws is None else laws.read.ravel(), nothing if jumps is None else jumps.registers
     events = instants(plan, values, lambda: _longest(dae, plan, base, signals, span), np.concatenate(read))
-    before = minimal.trajectory.segments[0].observer.plan
-    loops = None if of_loops is None else loop_tables(plan, values, start, inputs, before)
+    loops = None if of_loops is None else loop_tables(plan, values, start, inputs, minimal)
     if loops is not None and jumps is not None:
         raise refusal(flat, "its coordinates change along the motion, beside a prescribed motion that may jump")
     from_parameters, known = _parameter_program(dae, plan)
-    tried = Tried(dae, plan, signals, zero_inputs, span, begun(minimal, len(before.states)), from_parameters)
+    tried = Tried(dae, plan, signals, zero_inputs, span, begun(run, len(minimal.states)), from_parameters)
     settable, held = tried.settable()
     closing = closing_parameters(loops, from_parameters, settable + plan.count, len(known))
     if loops is not None and not loops.free.any():  # with other values they are closed elsewhere
@@ -165,8 +179,7 @@ def executable(dae: CompiledDAE) -> Executable:
         plan.program + observing, np.concatenate([plan.states, inputs]).astype(int),
         np.concatenate([plan.derivatives, outputs]).astype(int), plan.count,
     )  # fmt: skip
-    largest = np.abs(np.concatenate([segment.table for segment in run.trajectory.segments])).max(axis=0, initial=0.0)
-    nominal = largest[: len(plan.states)]
+    nominal = np.abs(motion).max(axis=0, initial=0.0)
     return Executable(
         dae, run, plan, values_tape(from_parameters, len(known)), right, observe,
         derivatives_tape(plan.program + observing, rule, plan.count),

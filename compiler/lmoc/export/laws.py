@@ -18,7 +18,6 @@ from lmoc.lower.tape import Tape
 from lmoc.numerics.laws.free_dynamics import FreeDynamics, free_dynamics
 from lmoc.numerics.laws.instant import ContactKinematics, LawTable
 from lmoc.numerics.laws.reading import reading_registers
-from lmoc.numerics.observe.trajectory import Trajectory
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
@@ -84,7 +83,7 @@ def law_tables(
     values: np.ndarray,
     signals: Mapping[int, Signal],
     inputs_of: Callable[[Plan], np.ndarray],
-    run: Trajectory,
+    motion: tuple[np.ndarray, np.ndarray],
 ) -> LawTables:
     """Return the laws of a plan, which `why_not` does not refuse.
 
@@ -92,7 +91,7 @@ def law_tables(
     ----------
     values : (flat.count,) of parameters
     inputs_of : returns the registers that are set from outside, and so are no constants of the motion
-    run : in which the rounding of levels is looked at
+    motion : s, (times, states): places at which the rounding of levels is looked at
     """
     reduced, form = plan.reduced, plan.reduced.switched
     assert form is not None
@@ -101,6 +100,7 @@ def law_tables(
     tapes, (force_entry, state_entry, _, quantity, inputs) = own.tapes, own.tables
     wanted = np.concatenate([own.values, own.outputs, own.motions]).astype(int)
     linear, curved = scene.motions_by_shape(inputs_of(scene.plan))
+    curved = curved | reduced.in_all_coordinates  # moved with the loops at the end of each step
     parameters = own.quantities.known_variables(plan)
     given = unfilled(own.program, wanted, plan.count)
     given = given[~np.isin(given, np.concatenate([inputs.ravel(), plan.held, plan.states]))]
@@ -109,17 +109,16 @@ def law_tables(
     return LawTables(
         kinematics.table, curved, linear[1], plan.held < 0, *tapes, given, (force_entry, state_entry),
         quantity, parameters, np.concatenate(restitution), inputs, plan.held, reading_registers(kinematics),
-        _noise(kinematics, run), law_names(reduced.flat, form.laws), tuple(texts),
+        _noise(kinematics, *motion), law_names(reduced.flat, form.laws), tuple(texts),
     )  # fmt: skip
 
 
-def _noise(kinematics: ContactKinematics, run: Trajectory) -> np.ndarray:
-    """Return bounds of what levels are by rounding alone, along a run."""
+def _noise(kinematics: ContactKinematics, times: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Return bounds of what levels are by rounding alone, along a motion."""
     form = kinematics.form
     assert form is not None
     found = np.zeros(form.count)
-    count = len(kinematics.plan.states)
-    places = [(float(t), x) for s in run.segments for t, x in zip(s.time, s.table[:, :count], strict=True)]
-    for t, x in places[:: max(1, len(places) // _SAMPLES)]:
+    step = max(1, len(times) // _SAMPLES)
+    for t, x in zip(times[::step].tolist(), states[::step], strict=True):
         found = np.maximum(found, kinematics.noise_at(t, x))
     return found

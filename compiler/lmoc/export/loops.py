@@ -13,12 +13,14 @@ import numpy as np
 
 from lmoc.export.refusals import refusal
 from lmoc.export.variables import Place, Variable
+from lmoc.ir.flat import Kind
 from lmoc.ir.program import Program
 from lmoc.ir.reduced import Reduced
 from lmoc.lower.tape import Tape
 from lmoc.messages.diagnostics import ModelError
-from lmoc.numerics.formulations.closing import ClosureStage, closing
+from lmoc.numerics.formulations.closing import Closing, ClosureStage, closing
 from lmoc.numerics.formulations.landing import stage_tapes
+from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.task.sizes import assumed_sizes
 from lmoc.structure.laws.degree import dependent
@@ -26,6 +28,7 @@ from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.dae import CompiledDAE
+    from lmoc.numerics.observe.trajectory import Trajectory
     from lmoc.run import Run
 
 
@@ -49,8 +52,8 @@ class LoopTables:
     free: np.ndarray
 
 
-def in_all_coordinates(dae: CompiledDAE, run: Run, inputs: dict[str, float]) -> Run | None:
-    """Return the run in all coordinates of closed loops; None where its minimal coordinates serve all the way.
+def in_all_coordinates(dae: CompiledDAE, run: Run) -> Reduced | None:
+    """Return the scene in all coordinates of closed loops; None where its minimal coordinates serve all the way.
 
     Raises
     ------
@@ -63,15 +66,38 @@ def in_all_coordinates(dae: CompiledDAE, run: Run, inputs: dict[str, float]) -> 
         return None
     begin = other[0].begin if other else segments[0].begin
     why = f"its coordinates change along the motion, at t = {begin:.6g} s"
-    if dae.flat.events is not None or dae.flat.laws:
-        raise refusal(dae.flat, f"{why}, and it has laws or events")
     try:
-        found = dae.simulate(energy=False, inputs=inputs, formulation="projected")
+        found = dae._session.in_all_coordinates(dae._session.prepare()[1])
     except ModelError as error:
         raise refusal(dae.flat, f"{why}, and in all coordinates {error.diagnostics[-1].message}") from error
-    if not found.trajectory.segments[0].observer.plan.reduced.in_all_coordinates:
+    if not found.in_all_coordinates:
         raise refusal(dae.flat, why)
     return found
+
+
+def states_along(run: Trajectory, plan: Plan) -> np.ndarray:
+    """Return the states of a plan along a run in whatever coordinates, (times, states)."""
+    found = [run.derivative(variable, order) for variable, order in _jets(plan, plan.states)]
+    _check(plan, plan.states, [own is not None for own in found])
+    return np.stack([own for own in found if own is not None], axis=1)
+
+
+def values_at_start(run: Trajectory, plan: Plan, registers: np.ndarray) -> np.ndarray:
+    """Return what registers of a plan stand for where a run in whatever coordinates starts, before what events do."""
+    first = run.segments[0]
+    x, base = (first.table[0], first.observer.base) if run.begun is None else run.begun
+    there = Observer(first.observer.plan, first.observer.values, base, first.observer.signals)
+    own = [there.derivative(variable, order) for variable, order in _jets(plan, registers)]
+    _check(plan, registers, [r >= 0 for r in own])
+    return np.array([there.register(r, first.time[:1], x[None])[0] for r in own], float)
+
+
+def _check(plan: Plan, registers: np.ndarray, known: list[bool]) -> None:
+    """Refuse a scene some of whose states have no value along its run."""
+    for register, own in zip(registers.tolist(), known, strict=True):
+        if not own:
+            name = plan.reduced.register_name(register)
+            raise refusal(plan.reduced.flat, f"its coordinates change along the motion, on which '{name}' is not known")
 
 
 def loop_tables(plan: Plan, values: np.ndarray, start: np.ndarray, inputs: np.ndarray, minimal: Plan) -> LoopTables:
@@ -89,20 +115,45 @@ def loop_tables(plan: Plan, values: np.ndarray, start: np.ndarray, inputs: np.nd
         E0669: the closures follow something that is set from outside.
     """
     own = plan.once(closing)
-    outside = own.parameters[np.isin(own.parameters, inputs)]
-    if len(outside):
-        name = plan.reduced.register_name(int(outside[0]))
-        why = f"its coordinates change along the motion, and its closed loops follow the input '{name}'"
-        raise refusal(plan.reduced.flat, why)
+    register, variable, _ = plan.reduced.inputs
+    discrete = register[plan.reduced.flat.kind[variable] == Kind.DISCRETE]
+    for moved, what in ((inputs, "input"), (discrete, "discrete variable")):
+        outside = own.parameters[np.isin(own.parameters, moved)]
+        if len(outside):
+            name = plan.reduced.register_name(int(outside[0]))
+            why = f"its coordinates change along the motion, and its closed loops follow the {what} '{name}'"
+            raise refusal(plan.reduced.flat, why)
+    _refuse_reinits(plan, own)
     tapes = tuple(
         replace(tape, results=np.concatenate([tape.results, stage.residual]))
         for stage, tape in zip(own.stages, plan.once(stage_tapes), strict=True)
     )
-    jets, chosen = _jets(plan), _jets(minimal)
+    jets, chosen = _jets(plan, plan.states), _jets(minimal, minimal.states)
     free = np.array([jet in chosen for jet in jets], bool)
     if free.sum() != len(chosen) or len(chosen) == len(jets) or any(v < 0 for v, _ in chosen):
         free[:] = False
     return LoopTables(own.stages, tapes, own.parameters, assumed_sizes(plan, values, start, {}), free)
+
+
+def _refuse_reinits(plan: Plan, closing: Closing) -> None:
+    """Refuse `reinit` in closed loops but of the velocity of one whose other velocities follow from it.
+
+    What else it leaves as it is would depend on the coordinates in which a run happens to be there.
+    """
+    flat = plan.reduced.flat
+    targets = [] if flat.events is None else [v for r in flat.events.reinits for v in r.target.tolist()]
+    place = {int(r): k for k, r in enumerate(plan.states.tolist())}
+    for variable in targets:
+        register = int(plan.reduced.register_of[variable])
+        for stage in closing.stages:
+            for g in stage.loops:
+                one = stage is closing.stages[-1] and g.columns.shape[1] - g.rows.shape[1] == 1
+                inside = place.get(register, -1) in g.columns
+                moved = dependent(plan.full_program, plan.states[g.columns.ravel()], plan.count)[register]
+                if (inside and not one) or (moved and register not in place):
+                    name = flat.variable_name(variable)
+                    why = f"its coordinates change along the motion, and `reinit` sets '{name}' in a closed loop"
+                    raise refusal(flat, f"{why}: it can set one velocity of a loop with one freedom")
 
 
 _EIGHTH = {"rad": np.pi / 4, "deg": 45.0}  # the two ways to close four bars are further apart but near a singular place
@@ -145,10 +196,10 @@ def tied_ones(plan: Plan, minimal: Reduced, run: Run, loops: LoopTables | None) 
     return Tied(registers, values, reach)
 
 
-def _jets(plan: Plan) -> list[tuple[int, int]]:
-    """Return (variable, order) of each state."""
+def _jets(plan: Plan, registers: np.ndarray) -> list[tuple[int, int]]:
+    """Return (variable, order) of each register."""
     table = plan.reduced.registers
-    return list(zip(table.variable[plan.states].tolist(), table.order[plan.states].tolist(), strict=True))
+    return list(zip(table.variable[registers].tolist(), table.order[registers].tolist(), strict=True))
 
 
 def closing_parameters(loops: LoopTables | None, program: Program, parameters: np.ndarray, count: int) -> np.ndarray:

@@ -100,7 +100,7 @@ int lmoc_reinit(lmoc_instant *e, const double *x, int *some) {
     if (e->state[i] >= 0) e->moved[e->state[i]] = value;
     else if (e->move(e, x, i, value, e->moved)) return LMOC_HALTED;
   }
-  return LMOC_SETTLED;
+  return *some && e->follow && e->follow(e, x, e->moved) ? LMOC_HALTED : LMOC_SETTLED;
 }
 
 /* Note the conditions of which something is to be told, each once. */

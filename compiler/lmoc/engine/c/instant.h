@@ -48,6 +48,7 @@ typedef struct lmoc_instant {
   int (*others)(struct lmoc_instant *e, double time, const double *x);    /* values repeat each other: find some that agree */
   int (*regular)(struct lmoc_instant *e, double time, const double *x);   /* others where a block is singular; or 0 */
   int (*move)(struct lmoc_instant *e, const double *x, int64_t reinit, double wanted, double *moved);
+  int (*follow)(struct lmoc_instant *e, const double *x, double *moved);  /* have other states follow those moved; or 0 */
 } lmoc_instant;
 
 static inline double lmoc_near_to(double t) { return 4e-15 * fmax(fabs(t), 1e-300); }

@@ -36,6 +36,10 @@ typedef struct {
                                             behind the states; levels in a mode, or 0 where all laws are open */
   int (*exact)(void *owner, double time, const double *x, const lmoc_flag *which, double *bias); /* levels of these laws
                                             that are rounding alone become zero; or 0 */
+  int64_t ties;                                    /* equations between states that hold whatever the laws do, such as the
+                                                      closures of loops whose coordinates are all states, and … */
+  int (*tie)(void *owner, double time, const double *x, double *value, double *slope);  /* … (ties,) what is left of each,
+                                                      (ties, states); or 0 */
 } lmoc_kinematics;
 
 /* Doubles of an instant, and their places. */

@@ -26,6 +26,29 @@ static void fill(const lmoc_closures *c, const lmoc_loops *g, const double *out,
       for (int64_t j = 0; j < g->n; j++) a[(l*g->m + i)*g->n + j] *= c->scale[g->columns[l*g->n + j]];
 }
 
+int64_t lmoc_closure_count(const lmoc_closures *c) {
+  int64_t count = 0;
+  for (int64_t k = 0; k < c->stages; k++) count += c->stage[k].residuals;
+  return count;
+}
+
+int lmoc_closure_rows(const lmoc_closures *c, double time, const double *x, double *value, double *slope) {
+  memset(slope, 0, lmoc_closure_count(c) * c->n * sizeof(double));
+  for (int64_t k = 0; k < c->stages; k++) {
+    const lmoc_closure_stage *s = c->stage + k;
+    if (closing_at(c, k, time, x)) return 1;
+    for (const lmoc_loops *g = s->group; g < s->group + s->groups; g++)
+      for (int64_t e = 0; e < g->entries; e++) {
+        const int64_t row = g->place[e] / g->n, loop = row / g->m;
+        slope[g->rows[row] * c->n + g->columns[loop * g->n + g->place[e] % g->n]] = s->out[g->source[e]];
+      }
+    memcpy(value, s->out + s->entries, s->residuals * sizeof(double));
+    value += s->residuals;
+    slope += s->residuals * c->n;
+  }
+  return 0;
+}
+
 /* L with L L^T = B B^T for B (m, n), rows divided by `size`; 0 where there is none. */
 static int cholesky(int64_t m, int64_t n, const double *b, const double *size, double *l) {
   for (int64_t i = 0; i < m; i++)
@@ -174,9 +197,8 @@ static double correct(const lmoc_closures *c, const lmoc_closure_stage *s, doubl
   return largest;
 }
 
-int lmoc_land(void *own, double time, double *x) {
-  lmoc_closures *c = own;
-  for (int64_t k = 0; k < c->stages; k++) {
+static int land(lmoc_closures *c, int64_t first, double time, double *x) {
+  for (int64_t k = first; k < c->stages; k++) {
     const lmoc_closure_stage *s = c->stage + k;
     double length = INFINITY;
     for (int i = 0; length > SMALL; i++) {
@@ -190,6 +212,10 @@ int lmoc_land(void *own, double time, double *x) {
   }
   return 0;
 }
+
+int lmoc_land(void *own, double time, double *x) { return land(own, 0, time, x); }
+
+int lmoc_land_rates(lmoc_closures *c, double time, double *x) { return land(c, c->stages - 1, time, x); }
 
 int lmoc_land_many(void *own, int64_t count, const double *times, double *x) {
   const lmoc_closures *c = own;

@@ -38,11 +38,17 @@ typedef struct {
    where it is 0, from nowhere where it is -1. Returns 0 where they keep their rank on the way. */
 int lmoc_look(void *own, double time, const double *x, int first);
 
+/* What is left of each closure, of all stages, and its derivatives by the states of its stage, rows of all states. Returns 0
+   where they are numbers. */
+int64_t lmoc_closure_count(const lmoc_closures *c);
+int lmoc_closure_rows(const lmoc_closures *c, double time, const double *x, double *value, double *slope);
+
 /* Take the last look for the end of a step. */
 void lmoc_keep(void *own);
 
 /* Move a state onto the closures, positions before velocities. Returns 0 where that is a short way. */
 int lmoc_land(void *own, double time, double *x);
+int lmoc_land_rates(lmoc_closures *c, double time, double *x);  /* velocities alone */
 int lmoc_land_many(void *own, int64_t count, const double *times, double *x);
 
 #endif

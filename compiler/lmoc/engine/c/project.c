@@ -52,22 +52,27 @@ void lmoc_drift(int64_t count, int64_t states, const double *slope, const double
   }
 }
 
-/* The equations that are to hold. */
+/* The equations that are to hold: those of laws, then those that tie states to each other. */
 typedef struct {
-  int64_t count, *row;                  /* of `slope`: gaps, then rates */
+  int64_t count, own, *row;             /* `own` of laws, rows of `slope`: gaps, then rates */
   double *value, *terms, *matrix, *step;
 } equations;
 
-static void pose(const lmoc_kinematics *k, const lmoc_contact *now, const equations *e) {
-  for (int64_t i = 0; i < e->count; i++) {
+static int pose(const lmoc_kinematics *k, const lmoc_contact *now, const equations *e) {
+  double *ties = e->value + e->own, *slopes = e->matrix + e->own * k->states;
+  for (int64_t i = 0; i < e->own; i++) {
     const int64_t n = k->laws.count, row = e->row[i];
-    const double *slope = now->slope + row * k->states;
-    double sum = 0;
     e->value[i] = row < n ? -now->gap[row] : -now->rate[row - n];
-    for (int64_t j = 0; j < k->states; j++) sum += fabs(slope[j] * now->x[j]);
-    memcpy(e->matrix + i * k->states, slope, k->states * sizeof(double));
+    memcpy(e->matrix + i * k->states, now->slope + row * k->states, k->states * sizeof(double));
+  }
+  if (e->count > e->own && k->tie(k->owner, now->time, now->x, ties, slopes)) return LMOC_HELD_UP;
+  for (int64_t i = e->own; i < e->count; i++) e->value[i] = -e->value[i];
+  for (int64_t i = 0; i < e->count; i++) {
+    double sum = 0;
+    for (int64_t j = 0; j < k->states; j++) sum += fabs(e->matrix[i * k->states + j] * now->x[j]);
     e->terms[i] = fmax(e->terms[i], sum); /* what comes to rest is small beside what it was */
   }
+  return LMOC_SOLVED;
 }
 
 /* What cancels in a slope rounds as well: whether nothing else is left. */
@@ -88,7 +93,7 @@ static int newton(const lmoc_kinematics *k, const equations *e, lmoc_contact *no
   for (int round = 0; round < MOST_NEWTON; round++) {
     const double before = residue;
     int close = 1;
-    pose(k, now, e);
+    if ((failed = pose(k, now, e))) return failed;
     residue = 0;
     for (int64_t i = 0; i < e->count; i++) {
       close &= fabs(e->value[i]) <= CLOSE * e->terms[i];
@@ -110,14 +115,15 @@ static int newton(const lmoc_kinematics *k, const equations *e, lmoc_contact *no
 int lmoc_project(const lmoc_kinematics *k, const lmoc_flag *gaps, const lmoc_flag *rates, lmoc_contact *now,
                  lmoc_contact *spare, lmoc_flag *laws) {
   const int64_t n = k->laws.count;
-  int64_t count = 0;
-  for (int64_t i = 0; i < n; i++) count += gaps[i] + rates[i];
-  if (!count) return LMOC_SOLVED;
+  int64_t own = 0;
+  for (int64_t i = 0; i < n; i++) own += gaps[i] + rates[i];
+  if (!own) return LMOC_SOLVED;
+  const int64_t count = own + k->ties;
   double *memory = calloc((size_t)(count * (k->states + 2) + k->states), sizeof(double));
   int64_t *row = malloc((size_t)count * sizeof(int64_t));
   int found = LMOC_NO_MEMORY;
   if (memory && row) {
-    const equations e = {count, row, memory, memory + count, memory + 2*count, memory + count * (k->states + 2)};
+    const equations e = {count, own, row, memory, memory + count, memory + 2*count, memory + count * (k->states + 2)};
     int64_t at = 0;
     for (int64_t i = 0; i < 2*n; i++) if ((i < n ? gaps : rates)[i % n]) row[at++] = i;
     found = newton(k, &e, now, spare);

@@ -1,6 +1,7 @@
 /* What `engine/c/instant.c` asks an FMU: values at a place, on the tapes of `export/instants.py`. */
 
 #include "discrete.h"
+#include "fmu_loops.h"
 
 int fmu_unsettled(fmu *f) {
   return fmu_refused(f, "no values of the discrete variables satisfy all equations at an event");
@@ -29,4 +30,5 @@ void fmu_ask(fmu *f) {
   f->e.widen = widen;
   f->e.others = lmoc_try_relations;
   f->e.move = fmu_move;
+  f->e.follow = f->model->loops.stages ? fmu_loops_follow : 0;
 }

@@ -268,6 +268,7 @@ int fmu_happen(fmu *f) {
     if ((found = change(f, f->which)) || (laws && (found = fmu_law_settle(f, answer)))) return found;
   }
   f->now.last_instant = f->now.time;
+  if (f->now.jumped && f->model->loops.stages && (found = fmu_loops_stand(f))) return found;
   if (fmu_look(f, f->now.time, f->x)) return FMU_NO_VALUE;
   fmu_law_watch(f);
   lmoc_mark(&f->call);
@@ -346,6 +347,7 @@ int fmu_begin(fmu *f, int for_good) {
     memcpy(f->law_before, f->x, f->model->states * sizeof(double));
     if ((found = fmu_law_settle(f, answer))) return found;
   }
+  if (for_good && f->model->loops.stages && (found = fmu_loops_stand(f))) return found;
   if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
   if (laws) fmu_law_watch(f);
   if (for_good) lmoc_mark(&f->call);

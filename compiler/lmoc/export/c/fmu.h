@@ -179,7 +179,8 @@ typedef struct fmu {
   double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
   double *known, *restitution, *errors, *unresolved;  /* of the laws */
-  double *loop_x, *loop_moved, *loop_wanted, *loop_p; /* states at the last look at loops; and room */
+  double *loop_x;                               /* states at the last look at loops; and room */
+  double *loop_moved, *loop_wanted, *loop_before, *loop_sizes, *loop_p;
   double *law_read, *law_before, *law_moved;
   double *step, *before_event, *at_event;       /* values on both sides (`jumps.c`), and discrete ones */
   lmoc_flag *law_which;                         /* (2 n,) */

@@ -48,12 +48,17 @@ static int exact(void *own, double time, const double *x, const lmoc_flag *which
   return 0;
 }
 
+/* The closures of loops, which hold whatever is closed. */
+static int tie(void *own, double time, const double *x, double *value, double *slope) {
+  return lmoc_closure_rows(&((fmu *)own)->closures, time, x, value, slope);
+}
+
 void fmu_law_ask(fmu *f) {
   const fmu_model *m = f->model;
   const fmu_laws *l = &m->laws;
   const int64_t n = l->laws.count;
   f->laws.k = (lmoc_kinematics){l->laws, m->states, l->unilateral, l->ledger, f->restitution, f->errors, f->unresolved, f,
-                                contact_at, exact};
+                                contact_at, exact, lmoc_closure_count(&f->closures), tie};
   f->laws.curved = l->curved;
   f->laws.linear = l->linear;
   f->laws.position = l->position;

@@ -7,7 +7,9 @@
 
 #include <stdlib.h>
 
-static const double DRIFT = 0.1;     /* of the tolerance: from there on the states are moved back onto the closures */
+static const double DRIFT = 0.1;     /* of the tolerance: from there on the states are moved back onto the closures … */
+static const double FAR = 1;         /* … and from there on whatever that crosses */
+enum { IS_CLOSED, MAY_WAIT, MUST_RETURN };
 static const double DEPENDENT = 1e-4; /* smallest singular value: below it closures depend on each other */
 enum { PIECES = 16 };                /* into which a step of the other side is divided to look at it closely */
 
@@ -64,6 +66,8 @@ int64_t fmu_loops_scratch(fmu *f, double *at) {
   }
   TAKE(f->loop_moved, m->stages ? f->model->states : 0);
   TAKE(f->loop_wanted, m->stages ? f->model->states : 0);
+  TAKE(f->loop_before, m->stages ? f->model->states : 0);
+  TAKE(f->loop_sizes, m->stages ? f->model->states : 0);
   TAKE(f->loop_p, m->stages ? f->model->parameters : 0);
 #undef TAKE
   return total;
@@ -81,10 +85,43 @@ int fmu_loops_depend(fmu *f) {
   return FMU_NO_VALUE;
 }
 
+static void stay(fmu *f) {
+  lmoc_keep(&f->closures);
+  memcpy(f->loop_x, f->x, (size_t)f->model->states * sizeof(double));
+  f->now.loop_time = f->now.time;
+}
+
+int fmu_loops_stand(fmu *f) {
+  if (lmoc_look(&f->closures, f->now.time, f->x, -1)) return fmu_loops_depend(f);
+  stay(f);
+  return FMU_GOOD;
+}
+
+/* ------------------------------------------------------------------ along a way */
+
+/* Go to the end of a way on the closures, in pieces as short as it takes: `stand` moves a state to a share of it, from where
+   it has been before. Returns 0 where it comes there. */
+static int reach(fmu *f, int (*stand)(fmu *f, double share, double *x), double *x, double *before) {
+  const size_t size = (size_t)f->model->states * sizeof(double);
+  double share = 0, step = 1;
+  while (share < 1 && step > 0x1p-20) {
+    const double next = fmin(share + step, 1);
+    memcpy(before, x, size);
+    if (stand(f, next, x)) {
+      memcpy(x, before, size);
+      step /= 2;
+    } else {
+      share = next;
+      step *= 2;
+    }
+  }
+  return share < 1;
+}
+
 /* ------------------------------------------------------------------ the start */
 
 /* Stand at a share of the way from the scene's own start to what is wanted: parameters, time, states that are given. The
-   others, at `x`, follow where that is a short way. */
+   others follow where that is a short way. */
 static int stand(fmu *f, double share, double *x) {
   const fmu_model *m = f->model;
   for (int64_t i = 0; i < m->parameters; i++)
@@ -103,7 +140,7 @@ static int stand(fmu *f, double share, double *x) {
 int fmu_loops_begin(fmu *f) {
   const fmu_model *m = f->model;
   const size_t size = (size_t)m->states * sizeof(double);
-  double share = 0, step = 1, *x = f->loop_moved;
+  double *x = f->loop_moved;
   memcpy(f->loop_p, f->p, (size_t)m->parameters * sizeof(double));
   memcpy(f->loop_wanted, f->x, size);
   memcpy(x, m->start, size);
@@ -112,31 +149,41 @@ int fmu_loops_begin(fmu *f) {
       lmoc_loops *g = f->stage[k].group + j;
       for (int64_t i = 0; i < g->loops * g->m; i++) g->sizes[i] = 1e-300;
     }
-  while (share < 1 && step > 0x1p-20) {
-    const double next = fmin(share + step, 1);
-    memcpy(f->x, x, size);
-    if (stand(f, next, x)) {
-      memcpy(x, f->x, size);
-      step /= 2;
-    } else {
-      share = next;
-      step *= 2;
-    }
-  }
+  const int lost = reach(f, stand, x, f->loop_before);
   memcpy(f->p, f->loop_p, (size_t)m->parameters * sizeof(double));
   f->now.stale = 1;
-  memcpy(f->x, share < 1 ? f->loop_wanted : x, size);
+  memcpy(f->x, lost ? f->loop_wanted : x, size);
   fmu_settle(f);
   fmu_changed(f);
-  if (share < 1) {
+  if (lost) {
     f->tell(f->owner, "no way leads from where the loops are closed at the start of the scene to these values");
     return FMU_NO_VALUE;
   }
-  memcpy(f->loop_x, f->x, size);
-  f->now.loop_time = f->now.time;
-  f->now.drifted = 0;
-  if (lmoc_look(&f->closures, f->now.time, f->x, -1)) return fmu_loops_depend(f);
-  lmoc_keep(&f->closures);
+  f->now.drifted = IS_CLOSED;
+  return fmu_loops_stand(f);
+}
+
+/* ------------------------------------------------------------------ events */
+
+/* Stand at a share of the way of those velocities that have been moved. */
+static int move(fmu *f, double share, double *x) {
+  const fmu_model *m = f->model;
+  for (int64_t i = 0; i < m->states; i++)
+    if (f->loop_sizes[i] == 0) x[i] = share < 1 ? f->x[i] + share * (f->loop_wanted[i] - f->x[i]) : f->loop_wanted[i];
+  f->closures.scale = f->loop_sizes;
+  const int found = lmoc_land_rates(&f->closures, f->now.time, x);
+  f->closures.scale = m->loops.scale;
+  return found;
+}
+
+int fmu_loops_follow(lmoc_instant *e, const double *x, double *moved) {
+  fmu *f = e->owner;
+  const fmu_model *m = f->model;
+  const size_t size = (size_t)m->states * sizeof(double);
+  memcpy(f->loop_wanted, moved, size);
+  for (int64_t i = 0; i < m->states; i++) f->loop_sizes[i] = moved[i] != x[i] ? 0 : m->loops.scale[i];
+  memcpy(moved, x, size);
+  if (reach(f, move, moved, f->loop_before)) return fmu_refused(f, "loops cannot be closed with the values of a `reinit`");
   return FMU_GOOD;
 }
 
@@ -161,12 +208,6 @@ static int keeps_rank(fmu *f, int pieces) {
   return 1;
 }
 
-static void stay(fmu *f) {
-  lmoc_keep(&f->closures);
-  memcpy(f->loop_x, f->x, (size_t)f->model->states * sizeof(double));
-  f->now.loop_time = f->now.time;
-}
-
 int fmu_loops_accept(fmu *f) {
   const fmu_model *m = f->model;
   double *x = f->loop_moved, most = 0;
@@ -180,16 +221,34 @@ int fmu_loops_accept(fmu *f) {
     return fmu_refused(f, "the states have drifted too far from where the loops are closed: a smaller tolerance helps");
   for (int64_t i = 0; i < m->states; i++)
     most = fmax(most, fabs(x[i] - f->x[i]) / (f->now.rtol * (fabs(x[i]) + 1e-3 * m->nominal[i])));
-  f->now.drifted = !(most <= DRIFT);
+  f->now.drifted = most <= DRIFT ? IS_CLOSED : most <= FAR ? MAY_WAIT : MUST_RETURN;
   return FMU_GOOD;
 }
 
+/* Whether functions of events have other signs than before, which are `f->root`. */
+static int crosses(fmu *f) {
+  const int64_t count = fmu_roots(f);
+  double *values = f->root + count;
+  if (!count || fmu_indicators(f, f->now.time, f->x, values)) return 0;
+  for (int64_t k = 0; k < count; k++) if (values[k] * f->root[k] < 0) return 1;
+  return 0;
+}
+
+/* A way back over what has just been crossed, or is crossed next, has to wait: it would be crossed once more. */
 int fmu_loops_return(fmu *f) {
-  if (!f->now.drifted) return FMU_GOOD;
+  const size_t size = (size_t)f->model->states * sizeof(double);
+  if (f->now.drifted == IS_CLOSED) return FMU_GOOD;
+  const int waits = f->now.drifted == MAY_WAIT && fmu_roots(f) && !fmu_indicators(f, f->now.time, f->x, f->root);
+  memcpy(f->loop_before, f->x, size);
   if (lmoc_land(&f->closures, f->now.time, f->x)) return fmu_refused(f, "the loops cannot be closed here");
+  if (waits && crosses(f)) {
+    memcpy(f->x, f->loop_before, size);
+    fmu_changed(f);
+    return FMU_GOOD;
+  }
   if (lmoc_look(&f->closures, f->now.time, f->x, 1)) return fmu_loops_depend(f);
   stay(f);
-  f->now.drifted = 0;
+  f->now.drifted = IS_CLOSED;
   f->now.jumped = 1;
   fmu_changed(f);
   return FMU_GOOD;

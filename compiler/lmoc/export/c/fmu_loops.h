@@ -19,6 +19,10 @@ int fmu_loops_look(void *own, double time, const double *x);
 int fmu_loops_land(void *own, double time, double *x);
 void fmu_loops_keep(void *own);
 
+/* Velocities that an event has changed, those of the same loops follow; and steps begin where the states are. */
+int fmu_loops_follow(lmoc_instant *e, const double *x, double *moved);
+int fmu_loops_stand(fmu *f);
+
 /* Model Exchange: the other side has made a step; and states back onto the closures where they have left them. */
 int fmu_loops_accept(fmu *f);
 int fmu_loops_return(fmu *f);

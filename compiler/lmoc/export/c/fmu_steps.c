@@ -36,6 +36,13 @@ static int look(void *own, double time, const double *x, int first) {
   return !stands(own) || (f->model->loops.stages && fmu_loops_look(own, time, x));
 }
 
+/* Onto the closures of loops, and onto what laws keep closed. */
+static int land(void *own, double time, double *x) {
+  fmu *f = own;
+  if (f->model->loops.stages && fmu_loops_land(f, time, x)) return 1;
+  return lmoc_law_drifts(&f->laws) ? fmu_law_keep(f, time, x) : 0;
+}
+
 static void keep(void *own) {
   fmu *f = own;
   lmoc_mark(&f->call);
@@ -117,7 +124,7 @@ static int smooth(fmu *f, double end, int *root) {
   if (found) return found;
   for (int64_t i = 0; i < n; i++) atol[i] = tolerance(f) * 1e-3 * m->nominal[i];
   if (!(f->now.wish > 0)) f->now.wish = first_step(f, end - f->now.time, slope, atol, x_new, last);
-  const lmoc_step_hook hook = {f, look, m->loops.stages ? fmu_loops_land : lmoc_law_drifts(&f->laws) ? fmu_law_keep : 0, keep, 0};
+  const lmoc_step_hook hook = {f, look, m->loops.stages || lmoc_law_drifts(&f->laws) ? land : 0, keep, 0};
   lmoc_steps s = {.call = &f->call, .rules = &m->rules, .weights = m->weights, .nodes = m->nodes, .dense = m->dense,
                   .omitted = m->omitted, .atol = atol, .x = f->x, .f = slope, .x_new = x_new, .k = k, .last = last,
                   .terms = terms, .landed = landed, .t = f->now.time, .before = f->now.time, .step_size = f->now.wish,

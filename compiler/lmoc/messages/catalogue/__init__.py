@@ -127,8 +127,9 @@ CATALOGUE: dict[str, Entry] = {
     "E0669": Entry(
         "a scene that cannot be an FMU",
         "FMUs are made of masses, springs, gears, mechanisms, blocks, inputs, of laws that switch (stops, ropes,\n"
-        "friction, contacts), and of what happens at instants: `when`, relations, samples, assertions. Laws or events\n"
-        "in mechanisms whose coordinates change along the motion cannot be exported yet (docs/fmi.md).",
+        "friction, contacts), and of what happens at instants: `when`, relations, samples, assertions. Mechanisms\n"
+        "whose coordinates change along the motion while something moves their closed loops from outside cannot be\n"
+        "exported yet (docs/fmi.md).",
     ),
     "E0663": Entry(
         "no single equilibrium",

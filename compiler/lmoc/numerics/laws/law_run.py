@@ -38,6 +38,8 @@ class _Kinematics(ctypes.Structure):
         ("states", _COUNT),
         *_places("unilateral", "ledger", "restitution", "errors", "unresolved", "owner"),
         *_places("at", "exact"),
+        ("ties", _COUNT),
+        *_places("tie"),
     ]
 
 
