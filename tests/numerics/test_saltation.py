@@ -315,6 +315,7 @@ def test_events_at_one_instant():
         ("h16_stick_slip", ("spring.k", "friction.F"), 3),
         ("gear_shift", ("shift",), 3),
         ("h18_freewheel", ("bearing.c",), 2),
+        ("../textbook/valve_train", ("k",), 0.03),  # smooth() says that the cam does not jump
     ],
 )
 def test_scenes_against_differences(file, names, stop):

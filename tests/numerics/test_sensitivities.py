@@ -131,6 +131,19 @@ def test_where_there_are_none_it_is_said():
         dae.simulate(stop=0.5, sensitivities=("k",))
 
 
+def test_what_smooth_says_to_be_continuous_has_derivatives():
+    """y' = k x² where x = t - p is above zero: y = k (t - p)³/3 from then on."""
+    model = "model A parameter Real k = 3, p = 0.4; Real x(start = -p, fixed = true), y(start = 0, fixed = true); "
+    model += "equation der(x) = 1; der(y) = {}if x > 0 then k*x^2 else 0); end A;"
+    dae = lmoc.compile_text(model.format("smooth(1, "))
+    run = dae.simulate(times=[0, 0.3, 0.7, 1.5], rtol=1e-9, sensitivities=("k", "p"))
+    late = np.maximum(run.time - 0.4, 0)
+    assert run.sensitivity("y", "k") == pytest.approx(late**3 / 3, abs=1e-7)
+    assert run.sensitivity("y", "p") == pytest.approx(-3 * late**2, abs=1e-7)
+    with pytest.raises(ModelError, match="jump"):
+        lmoc.compile_text(model.format("noEvent(")).simulate(stop=1, sensitivities="k")
+
+
 @pytest.mark.parametrize("asked", ["kk", "n", "f"])
 def test_what_cannot_be_asked_for(dae, asked):
     with pytest.raises(ModelError):

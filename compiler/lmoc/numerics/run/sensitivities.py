@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lmoc.ir.flat import FlatDAE
+from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.evaluate.tangent_system import TangentSystem, tangent_system
 from lmoc.numerics.failures.chatter import jumps
@@ -43,6 +43,7 @@ _DIFFERENT = 1e-6  # share of the largest derivative by which those on both side
 _GOLDEN = (5**0.5 - 1) / 2  # ratio of the shares by which quantities are changed at once
 _PLACES = 0.382, 0.7, 1.0  # of a segment, at which slopes are looked at until they are good …
 _CHANGES, _BENT = (1e-5, 1e-7), 1e-2  # … by such shares of the tangents; share of a slope by which it may bend
+_NEVER = 99  # more often than anything is differentiated
 _APART = 1e4  # tolerances by which the states may differ from those of the run
 _EXPLICIT = frozenset({"dop853", "taylor", "none"})
 Values = Callable[[np.ndarray], np.ndarray]
@@ -201,6 +202,27 @@ def same_values(values: np.ndarray, changes: np.ndarray) -> np.ndarray:
     return np.repeat(values[:, None], len(changes), axis=1)
 
 
+def _has_jumps(plan: Plan) -> bool:
+    """Return whether the equations may jump where a condition on the motion changes outside of events.
+
+    What smooth() says to be continuous up to a derivative does not, unless it has been differentiated further: then
+    there are such derivatives of all its variables.
+    """
+    reduced, table = plan.reduced, plan.reduced.registers
+    highest = np.zeros(reduced.flat.count + 1, int)
+    np.maximum.at(highest, table.variable, table.order)  # the last one is that of helpers
+    for group, _ in plan.once(jumps):
+        if not group.smooth:
+            return True
+        unknown = reduced.flat.kind[group.slots] == Kind.UNKNOWN
+        register = reduced.register_of[group.slots]
+        root = np.where(register >= 0, table.variable[register], group.slots)
+        differentiated = np.where(unknown, np.maximum(highest[root], highest[group.slots]), _NEVER)
+        if (differentiated.min(axis=1) > group.smooth).any():
+            return True
+    return False
+
+
 def check_motion(trajectory: Trajectory) -> None:
     """See that a motion has derivatives that can be computed.
 
@@ -215,7 +237,7 @@ def check_motion(trajectory: Trajectory) -> None:
         raise refused("the loops are integrated in all their coordinates", "formulation='reduced'")
     if trajectory.kept is not None:
         raise refused("only some variables are kept of the run", "leave out keep")
-    if plan.once(jumps):
+    if plan.once(_has_jumps):
         raise refused("the equations jump where a condition on the motion changes")
     if plan.reduced.switched is not None and MOREAU in str(trajectory.stats["solver"]):
         raise refused("time stepping looks at no event by itself")
