@@ -70,7 +70,7 @@ class Forward:
                 made.append((rows, js, self._row(step, rows, columns, js, factors)))
         self.moving[step.out] = -1
         for rows, js, own in made:
-            self.moving[np.ix_(step.out[rows], js)] = own.out.reshape(len(js), -1).T
+            self.moving[np.ix_(step.out[rows], np.array(js))] = own.out.reshape(len(js), -1).T
         return first, [own for *_, own in made]
 
     def _factor(self, step: Apply, own: Expr, first: list[Step]) -> Expr | np.ndarray:
@@ -130,5 +130,5 @@ class Forward:
         residuals = self.moving[step.residuals]
         if residuals.min(initial=0) < 0:
             raise NoSeries("an equation does not move with its unknowns")
-        pairs = (np.moveaxis(v, 2, 0).reshape(-1, size) for v in (unknowns, residuals))
-        return slopes, [Solve(tuple(inner), *pairs, linear=True, constant=False)]
+        unknowns, residuals = (np.moveaxis(v, 2, 0).reshape(-1, size) for v in (unknowns, residuals))
+        return slopes, [Solve(tuple(inner), unknowns, residuals, linear=True, constant=False)]
