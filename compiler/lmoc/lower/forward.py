@@ -130,5 +130,5 @@ class Forward:
         residuals = self.moving[step.residuals]
         if residuals.min(initial=0) < 0:
             raise NoSeries("an equation does not move with its unknowns")
-        unknowns, residuals = (np.moveaxis(v, 2, 0).reshape(-1, size) for v in (unknowns, residuals))
-        return slopes, [Solve(tuple(inner), unknowns, residuals, linear=True, constant=False)]
+        columns, rows = (np.moveaxis(v, 2, 0).reshape(-1, size) for v in (unknowns, residuals))
+        return slopes, [Solve(tuple(inner), columns, rows, linear=True, constant=False)]

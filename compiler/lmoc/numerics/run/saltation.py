@@ -26,9 +26,7 @@ from lmoc.numerics.run.sensitivities import (
     OtherSide,
     Part,
     Sensitivities,
-    Sweep,
     Tangent,
-    agree,
     base_derivatives,
     check_motion,
     methods_for,
@@ -36,6 +34,7 @@ from lmoc.numerics.run.sensitivities import (
     sizes_of,
 )
 from lmoc.numerics.run.surroundings import LITTLE, OVER_EVENTS, Surroundings
+from lmoc.numerics.run.tangents import Tangents, agree
 from lmoc.support.records import replace
 
 _SHRINK, _TRIES = 8.0, 4  # of that step, where it is too coarse
@@ -84,7 +83,7 @@ def with_events(
         if named not in known:
             known[named] = sizes_of([s for s in segments if s.coordinates == segment.coordinates])
         sizes = known[named]
-        sweep = Sweep(segment.observer, directions, at.base, sizes, rtol, methods)
+        sweep = Tangents(segment.observer, directions, at.base, sizes, rtol, methods)
         following, occasion = segments[k + 1] if k + 1 < len(segments) else None, by_segment.get(k)
         moved, came, others = at, saltation, ()
         if came is not None:
@@ -163,7 +162,7 @@ def _places(steps: float) -> int:
 
 
 def _in_other_coordinates(
-    segment: SegmentRecord, following: SegmentRecord, at: Tangent, sweep: Sweep, bases: dict[int, np.ndarray]
+    segment: SegmentRecord, following: SegmentRecord, at: Tangent, sweep: Tangents, bases: dict[int, np.ndarray]
 ) -> Tangent:
     """Return the same place with its derivatives in the coordinates that follow: these are functions of the others.
 
@@ -202,7 +201,7 @@ class Saltation:
     since : s, when the instant before was that is no part of this one
     """
 
-    def __init__(self, around: Surroundings, sweep: Sweep, at: Tangent, along: np.ndarray | None = None) -> None:
+    def __init__(self, around: Surroundings, sweep: Tangents, at: Tangent, along: np.ndarray | None = None) -> None:
         """
         Parameters
         ----------

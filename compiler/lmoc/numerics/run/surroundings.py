@@ -13,7 +13,8 @@ import numpy as np
 from lmoc.messages.diagnostics import ModelError
 from lmoc.numerics.events.occasion import Occasion
 from lmoc.numerics.problem.status import Status
-from lmoc.numerics.run.sensitivities import Direction, Sweep, Tangent, at_output, refused
+from lmoc.numerics.run.sensitivities import Direction, Tangent, at_output, refused
+from lmoc.numerics.run.tangents import Tangents
 
 OVER_EVENTS = 1e-5  # of a quantity's size, of differences over an event: their error is some 1e-10
 LITTLE = 1e-6  # of a quantity's size: within the way of a function by that the motion grazes
@@ -80,7 +81,13 @@ class Surroundings:
     # ------------------------------------------------------------------ what comes near
 
     def check(
-        self, begin: float, times: np.ndarray, states: np.ndarray, tangents: np.ndarray, base: np.ndarray, sweep: Sweep
+        self,
+        begin: float,
+        times: np.ndarray,
+        states: np.ndarray,
+        tangents: np.ndarray,
+        base: np.ndarray,
+        sweep: Tangents,
     ) -> None:
         """See that no function of an event comes near zero on the way without crossing it.
 
@@ -110,7 +117,7 @@ class Surroundings:
             self._check_near(root, times[near], states[near], tangents[:, place + 1], base, sweep)
 
     def _check_near(
-        self, root: int, times: np.ndarray, states: np.ndarray, by: np.ndarray, base: np.ndarray, sweep: Sweep
+        self, root: int, times: np.ndarray, states: np.ndarray, by: np.ndarray, base: np.ndarray, sweep: Tangents
     ) -> None:
         """Look closely at where a function is low, among three places."""
         t, x = float(times[1]), states[1]
@@ -133,7 +140,7 @@ class Surroundings:
             if heights[own] < LITTLE * direction.size * abs(moved[1] - moved[0]) / (2 * step):
                 raise self.grazes(k, t, "")
 
-    def check_end(self, at: Tangent, sweep: Sweep, rtol: float) -> None:
+    def check_end(self, at: Tangent, sweep: Tangents, rtol: float) -> None:
         """Refuse an end of the run at which a function of an event vanishes, as it would a little earlier or later.
 
         Parameters
