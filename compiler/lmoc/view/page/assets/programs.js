@@ -93,6 +93,7 @@ export class Programs {
     const { exports, page, buffer } = this;
     this.x.set(x);
     const count = exports.lmoc_page_roots(page, t);
+    this.rootCount = count;
     this.checked(0);
     if (count === 0) return null;
     const value = (time, state) => {

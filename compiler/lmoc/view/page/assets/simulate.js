@@ -292,7 +292,7 @@ export class Run {
     const kept = dynamics?.kept ?? null;
     let trying = data.refine !== null && x.length > 0;
     let method = new Steps(scene, begin, x, end, { ...this.tolerances(factor), maxStep });
-    if (roots !== null) method.follow(roots, begin, x);
+    if (roots !== null) method.follow(begin, x);
     const outputs = (last) => {
       while (this.reached < times.length && times[this.reached] <= until) {
         const time = Math.min(Math.max(times[this.reached], begin), end);

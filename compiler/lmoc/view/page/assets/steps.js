@@ -70,12 +70,11 @@ export class Steps {
     throw new Stopped(`the run stops at t = ${this.before.toPrecision(6)} s: it has no values beyond`);
   }
 
-  /** Follow `roots` from a place on. */
-  follow(roots, t, x) {
+  /** Follow the functions of `Programs.roots` from a place on. */
+  follow(t, x) {
     const { programs } = this;
     programs.x.set(x);
     programs.exports.lmoc_page_follow(programs.page, t);
-    this.count = roots.signs.length;
   }
 
   /** Where in the last step the first of them changes its sign, and which vanish there, {t, x, which}; null where none does. */
@@ -86,7 +85,7 @@ export class Steps {
     if (Number.isNaN(t)) throw new Error("there is no memory to look for events");
     if (t === -Infinity) this.missing();
     if (t === Infinity) return null;
-    const which = [...new Uint8Array(programs.buffer, programs.exports.lmoc_page_which(programs.page), this.count)];
+    const which = [...new Uint8Array(programs.buffer, programs.exports.lmoc_page_which(programs.page), programs.rootCount)];
     return { t, x: Float64Array.from(programs.answer), which };
   }
 }
