@@ -137,7 +137,8 @@ def elsewhere(run: Result, held: Result) -> dict[str, float]:
 
 def _sampled_states(run: Result) -> np.ndarray:
     """Return the states at some of the times, the first among them, as long as they are the coordinates."""
-    return np.concatenate([p.samples[1] for p in run.trajectory.segments if list(p.coordinates) == run.states])
+    own = (p for p in run.trajectory.segments if list(p.coordinates) == run.states)
+    return np.concatenate([p.samples[1][:, ~p.observer.plan.ledger] for p in own])
 
 
 def of_origin(numbers: np.ndarray, run: Result, held: Result) -> np.ndarray:
