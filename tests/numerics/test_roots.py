@@ -48,7 +48,7 @@ def roots_of(*functions, ends=(1.0,), signs=None, until=np.inf):
     finder = RootFinder(Roots(values, known, reached), run.t, run.x)
     while run.ends:
         run.step()
-        if finder.first(run) is not None:
+        if finder.first(run, run.t) is not None:
             break
     return found
 

@@ -216,3 +216,18 @@ def test_a_relation_does_not_react_to_what_newtons_method_leaves():
     slope = 1000 / (2 / 15000 + 1e-5 / open_one) + 1000
     assert run["x"][-1] == pytest.approx(np.sin(0.1) / slope, rel=1e-5)
     assert run["s[1]"][-1] == pytest.approx(run["w"][-1] / open_one, rel=1e-9)
+
+
+def test_a_velocity_that_jumps_moves_what_stands_before_a_nonlinear_block():
+    """``w`` jumps by the step of ``der(x)`` times ``cos(th)``: the integral of its equation over the instant."""
+    dae = lmoc.compile_text("""model Cart
+      Real th(start = 0.3, fixed = true), w(start = 0, fixed = true), y(start = 0.2), x;
+    equation
+      x = if time < 1 then 0 else 0.5*(time - 1);
+      der(th) = w;
+      der(w) = -9.81*sin(th) - der(der(x))*cos(th) - 0.1*y;
+      y + 0.3*sin(y) = th;
+    end Cart;""")
+    before, after = (dae.simulate(stop=1 + side, points=2, rtol=1e-10) for side in (-1e-9, 1e-9))
+    jump = after["w"][-1] - before["w"][-1]
+    assert jump == pytest.approx(-0.5 * np.cos(before["th"][-1]), rel=1e-6)

@@ -98,7 +98,9 @@ class _Solved:
         system = self._system
         unknowns = system.kernel.unknowns
         last = system.w[unknowns].copy()
-        own = base[: system.plan.count], signals
+        count = system.plan.count
+        own = base[:count], signals
+        system.w[count : len(base)] = base[count:]  # what is given beside a plan's registers: rates that jump
         system.prepare(*own)
         solved = np.isfinite(last)
         system.w[unknowns[solved]] = last[solved]
