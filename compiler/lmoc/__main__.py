@@ -18,6 +18,9 @@ if "OMP_NUM_THREADS" not in os.environ:
 def main() -> int:
     """Run the command; Ctrl-C ends it quietly even while its own files are being imported."""
     try:
+        from lmoc.cli import interruption
+
+        interruption.keep()
         from lmoc.cli.main import main as command
 
         return command()

@@ -163,6 +163,39 @@ def test_an_extension_that_swallows_an_interruption_while_it_loads(folder, inter
     assert ("interrupted" in found.stderr) == interrupted
 
 
+LOST = """import os, signal, sys, weakref
+from lmoc.cli import interruption
+from lmoc.cli.main import main
+interruption.keep()
+class Gone: pass
+def strike(reference):
+    os.kill(os.getpid(), number)
+    for _ in range(1000): pass
+number = int(sys.argv[1])
+import lmoc.cli.run as verb
+def execute(arguments):
+    gone = Gone()
+    reference = weakref.ref(gone, strike)
+    del gone
+    while True: pass
+verb.execute = execute
+sys.exit(main(['run', 'oscillator.lmo']))
+"""
+
+
+INTERRUPTED, TERMINATED = (signal.SIGINT, 130), (signal.SIGTERM, 143)
+
+
+@pytest.mark.parametrize(("sent", "ignored"), [(INTERRUPTED, False), (TERMINATED, False), (TERMINATED, True)])
+def test_a_signal_is_not_lost_where_no_exception_can_get_out(folder, sent, ignored):
+    """In the callback of a weak reference, of which each import runs some."""
+    before = (lambda: signal.signal(signal.SIGINT, signal.SIG_IGN)) if ignored else None
+    number, code = sent
+    found = subprocess.run([sys.executable, "-c", LOST, str(int(number))], cwd=folder, preexec_fn=before,
+                           capture_output=True, text=True, timeout=60)  # fmt: skip
+    assert (found.returncode, found.stderr) == (code, "failed: interrupted\n")
+
+
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are counted as Linux lists them")
 @pytest.mark.parametrize("said, threads", [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, 2), ({"OMP_NUM_THREADS": "2"}, 2)])
 def test_the_command_has_one_thread_of_the_blas_unless_told_otherwise(said: dict[str, str], threads: int):
