@@ -53,7 +53,7 @@ _SERIES_WORK, _SERIES_WORK_AT = 1.2e5, 1e-4  # steps times rows up to which a se
 _LOOK = 500  # rows that take as long as a look at a step in Python, for events and closures
 _LIMIT = 6.0  # |h·λ| at the edge of the stability region of an explicit method
 _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the problem stiff
-_LOOKED_AT_PATIENCE = 300  # the same where conditions are looked at behind nonlinear blocks, which takes as long
+_LOOKED_AT_PATIENCE = 300  # the same where conditions are looked at in Python in each step, which takes as long as many
 _WORK = 4e7  # rows evaluated in that time
 _FOLLOWED = 300  # times as many steps where a fast swinging mode is at work: any method must follow it
 _TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
@@ -100,8 +100,7 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
     ----------
     integrate : by the name of a method
     """
-    looked_at = problem.roots is not None and problem.system.plan.once(_has_nonlinear_blocks)
-    way = Way(replace(problem, patience=patience(problem.system, looked_at)))
+    way = Way(replace(problem, patience=patience(problem.system, problem.roots is not None)))
     rule = legs(way)
     try:
         while True:
@@ -398,7 +397,7 @@ def patience(system: System, looked_at: bool = False) -> float:
 
     Parameters
     ----------
-    looked_at : whether conditions behind nonlinear blocks are looked at in each step
+    looked_at : whether conditions are looked at in each step
     """
     if looked_at:
         return _LOOKED_AT_PATIENCE
