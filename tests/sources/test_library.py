@@ -225,3 +225,28 @@ def test_sources_supply_what_the_scene_stores():
     stored = 2 * (0.6 * run.time) ** 2 / 2 + 10 * (0.3 * run.time**2) ** 2 / 2
     assert np.allclose(run.energy.stored, stored, atol=1e-8)
     assert np.allclose(run.energy.supplied, stored, atol=1e-8)
+
+
+def test_a_signal_named_power_states_nothing_of_the_energy():
+    run = lmoc.compile_text(
+        """model Measured
+          connector RealOutput = output Real;
+          model Wattmeter
+            Flange a;
+            Flange b;
+            RealOutput power(unit = "W");
+          equation
+            a.q = b.q;
+            a.f + b.f = 0;
+            power = a.f*der(a.q);
+          end Wattmeter;
+          Force push(f = 3);
+          Wattmeter meter;
+          Mass mass(m = 2);
+        equation
+          connect(push.flange, meter.a);
+          connect(meter.b, mass.flange);
+        end Measured;"""
+    ).simulate(stop=2, points=3, rtol=1e-9)
+    assert run["meter.power"] == pytest.approx(3 * 1.5 * run.time)
+    assert run.energy.balance < 1e-8 and run.energy.supplied == pytest.approx(0.5 * 2 * (1.5 * run.time) ** 2)

@@ -3,8 +3,8 @@
 A part states its `energy`, its `loss` or the `power` it delivers. A part with ports that states none of them is taken
 as a source of what comes out of its ports: −Σ flow·der(potential), or what the units of the ports say is a power,
 −Σ flow·potential (voltage and current, pressure and volume flow) or −Σ flow (temperature and heat flow); a pair whose
-units make no power of it (pressure and mass flow) adds nothing. Where no part of a scene states anything, these cancel
-in every connection, and the ledger is empty.
+units make no power of it (pressure and mass flow) adds nothing. A connector of that name, a sensor's signal, states
+nothing. Where no part of a scene states anything, these cancel in every connection, and the ledger is empty.
 """
 
 from __future__ import annotations
@@ -49,10 +49,15 @@ def ledger(blocks: list[Block], parts: list[Part], count: int, zero: np.ndarray)
     zero : mask over the variables: known to be zero, not worth a term
     """
     stated: dict[int, dict[str, Block]] = {}
+    signals: set[int] = set()  # the parts that have a signal of the name of what comes out of their ports
     for block in blocks:
         name = block.path[-1][0]
-        if name in STATED and block.part > 0 and block.path[:-1] == parts[block.part].path:
+        if name not in STATED or block.part <= 0 or block.path[:-1] != parts[block.part].path:
+            continue
+        if not block.connector:
             stated.setdefault(block.part, {})[name] = block
+        elif name == "power":
+            signals.add(block.part)
     added: list[Block] = []
     groups: list[Group] = []
     terms: dict[str, list[np.ndarray]] = {"stored": [], "lost": [], "supplied": []}
@@ -62,7 +67,7 @@ def ledger(blocks: list[Block], parts: list[Part], count: int, zero: np.ndarray)
             continue
         own = stated.get(number)
         if own is None:
-            block, group = _port_power(number, part, blocks, offset)
+            block, group = _port_power(number, part, blocks, offset, "port_power" if number in signals else "power")
             added.append(block)
             groups.append(group)
             terms["supplied"].append(block.offset + np.arange(block.size))
@@ -96,12 +101,12 @@ def _sums(terms: dict[str, list[np.ndarray]], totals: dict[str, Block]) -> Sums:
     return Sums(np.array(starts), np.concatenate(indices), np.concatenate(signs), (), none)
 
 
-def _port_power(number: int, part: Part, blocks: list[Block], offset: int) -> tuple[Block, Group]:
+def _port_power(number: int, part: Part, blocks: list[Block], offset: int, name: str) -> tuple[Block, Group]:
     """The power that comes out of the ports of a part, element by element of an array of parts."""
     dims = tuple(n for _, own in part.path for n in own)
     size = int(np.prod(dims, dtype=int))
     block = Block(
-        (*part.path, ("power", ())), offset, size, Kind.UNKNOWN, "W",
+        (*part.path, (name, ())), offset, size, Kind.UNKNOWN, "W",
         description="power that comes out of its ports", part=number, span=part.span,
     )  # fmt: skip
     columns = [offset + np.arange(size)]
