@@ -239,11 +239,6 @@ class TaylorSystem(EngineSystem):
         self._taylor.order = order
         return self._taylor
 
-    @property
-    def start_blocks(self) -> int:
-        """Number of blocks behind the coefficients of order zero."""
-        return len(self._of.start.blocks)
-
     @staticmethod
     def new_walk(end: float, longest: float, rtol: float) -> Walk:
         """Return a walk up to a time in steps no longer than that, at which nothing stands yet."""

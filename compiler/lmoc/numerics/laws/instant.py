@@ -19,7 +19,6 @@ from lmoc.support.records import dataclass
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 _NOISES = 4.0  # times the bound for its rounding, within which a level is zero
-_LOSSLESS = 1e-6  # of a rate, in a bounce
 _SMALL = 1e-12  # of its terms: levels that may be rounding alone
 _KEPT = 32  # registers between events that are known again
 KINDS = tuple(LawKind)
@@ -71,22 +70,12 @@ class LawTable:
         return self._of(LawKind.CONTACT_FRICTION)
 
     @cached_property
-    def lossless(self) -> Mask:
-        """Restitution of 1, or so near to it that the bounces left after any other one are no series that ends."""
-        return self.restitution > 1.0 - _LOSSLESS
-
-    @cached_property
     def in_c(self) -> Laws:
         """The structure that the engine reads; valid as long as the table lives."""
         numbers = [np.ascontiguousarray(v, np.int64) for v in (self.degree, self.normal)]
         made = Laws(len(self.kind), *(v.ctypes.data for v in (*numbers, self.complementary, self.dry, self.contact)))
         made.kept = numbers
         return made
-
-    @cached_property
-    def impulsive(self) -> Mask:
-        """Complementarities between inertias: only these carry impulses."""
-        return self.complementary & (self.degree == 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,14 +46,6 @@ class Interpreter:
         """∂residuals/∂unknowns of a block, (instances, size, size), after the program has run on `w`."""
         return self._blocks[id(step)].matrix(w, time)
 
-    def sparse_matrix(self, step: Solve, w: np.ndarray, time: float):
-        """∂residuals/∂unknowns of a block with one instance, as a scipy CSC matrix."""
-        from scipy.sparse import csc_matrix
-
-        block = self._blocks[id(step)]
-        size = step.unknowns.shape[1]
-        return csc_matrix((block.jacobian.values(w, time), block.place[1:]), shape=(size, size))
-
     def run(self, w: np.ndarray, time: float | np.ndarray) -> None:
         """Fill the registers that the program writes; what cannot be computed becomes NaN."""
         with np.errstate(all="ignore"):
