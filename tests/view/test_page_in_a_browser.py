@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.between_springs import JENKINS
 from oracles.browser import needs_browser, open_page
 from oracles.models import compiled
 
@@ -449,10 +450,11 @@ def test_other_scenes_move_without_a_complaint(file):
     assert found["modes"].startswith("string: " if file.startswith("laws") else "")
 
 
-def test_a_slider_changes_the_events():
-    dae = compiled(MODELS / "laws" / "h34_slack_string.lmo")
-    seen = open_page(dae.view().html, FACTS + """
-      const slider = [...document.querySelectorAll(".slider")].find((r) => r.dataset.name === "mass.m");
+@pytest.mark.parametrize("scene, name", [("h34_slack_string", "mass.m"), (JENKINS, "slider.F")])
+def test_a_slider_changes_the_events(scene, name):
+    dae = lmoc.compile_text(JENKINS) if scene == JENKINS else compiled(MODELS / "laws" / f"{scene}.lmo")
+    seen = open_page(dae.view().html, FACTS + f"const name = '{name}';" + """
+      const slider = [...document.querySelectorAll(".slider")].find((r) => r.dataset.name === name);
       const entry = slider.querySelector("input[type=number]");
       const times = () => [...document.querySelectorAll("#events button")].map((b) => Number(b.textContent));
       const before = times();
@@ -462,7 +464,7 @@ def test_a_slider_changes_the_events():
       return { before, after: times(), value: Number(entry.value), now: $("now").textContent, modes, title };
     """)  # fmt: skip
     found = seen.answer
-    runs = [dae.simulate(), dae.simulate(parameters={"mass.m": found["value"]})]
+    runs = [dae.simulate(), dae.simulate(parameters={name: found["value"]})]
     for run, times in zip(runs, (found["before"], found["after"]), strict=True):
         assert np.allclose(times, [e.time for e in run.events], rtol=1e-6)
     assert found["now"] == f"t = {found['after'][0]:.3f} s" and found["modes"]

@@ -79,19 +79,20 @@ void lmoc_page_literal(lmoc_page *p, int is);               /* relations of time
 int lmoc_page_take(lmoc_page *p, double time);
 void lmoc_page_remember(lmoc_page *p);
 void lmoc_page_assign(lmoc_page *p);
-int lmoc_page_solve(lmoc_page *p, double time);
 int lmoc_page_reinit(lmoc_page *p, double time);            /* 0, or 1 where the answer is another state; 2 where it has none */
 double lmoc_page_next(lmoc_page *p, double time, int include);
-void lmoc_page_ring(lmoc_page *p, double time);
-int lmoc_page_event(lmoc_page *p);                          /* the answer: the state behind it */
+
+/* All that happens at an instant, by what changes beside samples that are due: nothing 0, functions that cross zero 1, those
+   that turn back 2, the run ends 3, or that it begins 4. The answer is the state behind it; -1 - k where the motion needs the
+   derivative of the k-th that steps. Then the next time event, whether one was due, what energy the jump of states has cost,
+   and whether they have jumped. */
+int lmoc_page_event(lmoc_page *p, double time, int change);
+double lmoc_page_happened(const lmoc_page *p, int which);
 int lmoc_page_told_count(const lmoc_page *p);
 int lmoc_page_told_of(const lmoc_page *p, int k);
 double *lmoc_page_crossing(lmoc_page *p);
 int lmoc_page_cross(lmoc_page *p, double time);             /* LMOC_SETTLED, or 100 + which of them chatters, … */
 int lmoc_page_turned_back(lmoc_page *p, double time);       /* … 1 where some turn back at once … */
-void lmoc_page_turn_early(lmoc_page *p);
-void lmoc_page_flip(lmoc_page *p);                          /* … which this lets them do */
-void lmoc_page_leave_zero(lmoc_page *p);
 
 /* Laws. Registers with all of them open, and as the mode that holds says; what happens is 0 or why there is no way, as of
    `law_run.h`, and the answer is the state behind it. The host writes which root functions vanish, (2 laws,). */

@@ -6,6 +6,9 @@
 
 /* ------------------------------------------------------------------ what is asked */
 
+static const double CONTINUOUS = 1e-9;  /* share of a value by which it may change at an event and still be continuous */
+enum { CROSSED = 1, BACK, ENDS, BEGINS };     /* what changes at an instant beside the samples that are due */
+
 static int evaluated(lmoc_page *p, int64_t program, double time, const double *x) {
   memmove(p->x, x, p->n * sizeof(double));
   return lmoc_page_evaluate(p, (int)program, time) & LMOC_FAILED ? LMOC_NO_VALUE : LMOC_SETTLED;
@@ -13,6 +16,7 @@ static int evaluated(lmoc_page *p, int64_t program, double time, const double *x
 
 static int look(lmoc_instant *e, double time, const double *x) {
   lmoc_page *p = e->owner;
+  p->switched = 1; /* other discrete values may hold than at the last solution */
   const int lost = evaluated(p, p->events.look, time, x);
   for (int64_t k = 0; k < e->zeros; k++) e->zero[k] = p->w[p->events.zero[k]];
   return lost;
@@ -86,7 +90,7 @@ static void read_tables(lmoc_instant *e, lmoc_bytes *b) {
 static int make_room(page_events *v, int64_t n) {
   lmoc_instant *e = &v->instant;
   const int64_t zeros = e->zeros, d = e->discrete;
-  const int64_t sum = n + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
+  const int64_t sum = 2*n + 2*v->step_count + 2 + 2*d + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
   double *at = calloc((size_t)(sum + 3*zeros), sizeof(double));
   e->found = calloc((size_t)e->told + 1, sizeof(int64_t));
   e->near = calloc((size_t)zeros + 1, 1);
@@ -97,6 +101,7 @@ static int make_room(page_events *v, int64_t n) {
   TAKE(instant.flipped, d), TAKE(instant.moved, n), TAKE(instant.history, LMOC_HISTORY*d);
   TAKE(hops.times, zeros*LMOC_CHATTER), TAKE(hops.home, zeros), TAKE(hops.work, 4*n + 9*zeros);
   TAKE(work, 2*n + 3*zeros), TAKE(noise, zeros), TAKE(which, zeros), TAKE(turn, zeros), TAKE(before, n), TAKE(at, zeros);
+  TAKE(begun, n), TAKE(held, d), TAKE(steps, 2*v->step_count + 2 + d);
 #undef TAKE
   return 1;
 }
@@ -108,10 +113,18 @@ void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b) {
   if (!lmoc_read_integer(b)) return;
   v->look = lmoc_read_integer(b);
   const int64_t assign = lmoc_read_integer(b), lines = lmoc_read_integer(b);
+  v->jumps = lmoc_read_integer(b);
+  v->terminal = lmoc_read_integer(b);
+  v->stored = lmoc_read_integer(b);
+  v->work_state = lmoc_read_integer(b);
+  v->heat_state = lmoc_read_integer(b);
+  v->step_stored = lmoc_read_integer(b);
+  v->step = lmoc_read_integers(b, &v->step_count);
+  v->moving = lmoc_read_integers(b, &count);
   v->zero = lmoc_read_integers(b, &count);
   v->seen = lmoc_read_integers(b, &count);
   read_tables(e, b);
-  if (b->failed || v->look >= p->program_count || assign >= p->program_count || lines >= p->program_count) {
+  if (b->failed || v->look >= p->program_count || v->jumps >= p->program_count || assign >= p->program_count || lines >= p->program_count) {
     b->failed = 1;
     return;
   }
@@ -154,12 +167,6 @@ void lmoc_page_remember(lmoc_page *p) { lmoc_remember(&p->events.instant); }
 
 void lmoc_page_assign(lmoc_page *p) { lmoc_assign(&p->events.instant); }
 
-int lmoc_page_solve(lmoc_page *p, double time) {
-  p->events.instant.time = time;
-  memcpy(p->answer, p->x, p->n * sizeof(double));
-  return lmoc_solve_instant(&p->events.instant, p->answer);
-}
-
 int lmoc_page_reinit(lmoc_page *p, double time) {
   lmoc_instant *e = &p->events.instant;
   int some;
@@ -171,15 +178,80 @@ int lmoc_page_reinit(lmoc_page *p, double time) {
 }
 
 double lmoc_page_next(lmoc_page *p, double time, int include) {
-  return lmoc_next_time(&p->events.instant, time, include);
+  return p->events.next = lmoc_next_time(&p->events.instant, time, include);
 }
 
-void lmoc_page_ring(lmoc_page *p, double time) { lmoc_ring(&p->events.instant, time); }
+static double stored_at(lmoc_page *p, double time, const double *x) {
+  return lmoc_take(&p->events.instant, time, x) ? NAN : p->w[p->events.stored];
+}
 
-int lmoc_page_event(lmoc_page *p) {
+/* Book what energy a jump of states has cost as heat, what it has brought as work. */
+static void book_jump(lmoc_page *p, double time) {
+  page_events *v = &p->events;
+  v->lost = 0;
+  if (!v->instant.jumped || v->stored < 0 || v->work_state < 0 || v->heat_state < 0) return;
+  const double before = stored_at(p, time, v->begun);
+  v->lost = before - stored_at(p, time, p->answer);
+  if (v->lost * 0 == 0) p->answer[v->lost > 0 ? v->heat_state : v->work_state] += fabs(v->lost);
+  if (v->lost < 0) v->lost = 0;
+}
+
+/* What steps with the discrete values, and the stored energy, into `out`. */
+static void read_steps(lmoc_page *p, double time, double *out) {
+  const page_events *v = &p->events;
+  memcpy(p->x, p->answer, p->n * sizeof(double));
   p->switched = 1;
+  lmoc_page_evaluate(p, (int)v->jumps, time);
+  for (int64_t k = 0; k < v->step_count; k++) out[k] = p->w[v->step[k]];
+  out[v->step_count] = v->step_stored < 0 ? 0 : p->w[v->step_stored];
+}
+
+/* Book the work of what steps at an instant; which one steps though the motion needs its derivative, -1 for none. */
+static int64_t book_steps(lmoc_page *p, double time) {
+  page_events *v = &p->events;
+  lmoc_instant *e = &v->instant;
+  double *before = v->steps, *after = before + v->step_count + 1, *now = after + v->step_count + 1;
+  int some = 0;
+  if (!v->step_count) return -1;
+  for (int64_t i = 0; i < e->discrete; i++) {
+    now[i] = e->v[e->own[i]];
+    e->v[e->own[i]] = v->held[i];
+  }
+  read_steps(p, time, before);
+  for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = now[i];
+  read_steps(p, time, after);
+  for (int64_t k = 0; k < v->step_count; k++) {
+    if (!(fabs(after[k] - before[k]) > CONTINUOUS * fmax(fabs(after[k]), fabs(before[k])))) continue;
+    if (v->moving[k]) return k;
+    some = 1;
+  }
+  if (some && v->step_stored >= 0 && v->work_state >= 0) p->answer[v->work_state] += after[v->step_count] - before[v->step_count];
+  return -1;
+}
+
+int lmoc_page_event(lmoc_page *p, double time, int change) {
+  page_events *v = &p->events;
+  lmoc_instant *e = &v->instant;
+  /* also where something else has ended the piece at the same instant */
+  v->due = change != BEGINS && time >= v->next - lmoc_near_to(time);
+  memcpy(v->begun, p->x, p->n * sizeof(double));
   memcpy(p->answer, p->x, p->n * sizeof(double));
-  return lmoc_event(&p->events.instant, p->answer);
+  for (int64_t i = 0; i < e->discrete; i++) v->held[i] = e->v[e->own[i]];
+  const int found = lmoc_happen(e, time, p->answer, v->due ? v->next : NAN, change == CROSSED ? v->which : 0,
+                                change == BACK ? v->turn : 0, change == ENDS ? v->terminal : -1);
+  if (found || change == BEGINS) return found;
+  v->next = lmoc_next_time(e, v->due ? v->next : time, 0);
+  book_jump(p, time);
+  const int64_t wrong = book_steps(p, time);
+  if (wrong >= 0) return -1 - (int)wrong;
+  if (change == CROSSED) lmoc_leave_zero(e, v->which);
+  return LMOC_SETTLED;
+}
+
+double lmoc_page_happened(const lmoc_page *p, int which) {
+  const page_events *v = &p->events;
+  const double all[] = {v->next, (double)v->due, v->lost, (double)v->instant.jumped};
+  return all[which];
 }
 
 int lmoc_page_told_count(const lmoc_page *p) { return (int)p->events.instant.found_count; }
@@ -219,18 +291,6 @@ int lmoc_page_turned_back(lmoc_page *p, double time) {
   lmoc_take(e, time, p->answer);
   return found ? 2 : some;
 }
-
-void lmoc_page_turn_early(lmoc_page *p) { lmoc_turn_early(&p->events.instant, p->events.which); }
-
-void lmoc_page_flip(lmoc_page *p) {
-  lmoc_instant *e = &p->events.instant;
-  for (int64_t k = 0; k < e->zeros; k++) {
-    double *own = e->v + e->target[e->of_zero[k]];
-    if (p->events.turn[k] != 0) *own = 1 - *own;
-  }
-}
-
-void lmoc_page_leave_zero(lmoc_page *p) { lmoc_leave_zero(&p->events.instant, p->events.which); }
 
 /* ------------------------------------------------------------------ roots */
 

@@ -24,9 +24,15 @@ typedef struct {
 typedef struct {
   lmoc_instant instant;
   lmoc_hops hops;
-  int64_t look;                       /* which program fills the zero functions */
+  int64_t look, jumps;                /* programs: the zero functions; what steps */
+  int64_t terminal, stored, work_state, heat_state; /* registers and states, -1: none */
+  int64_t step_count, step_stored;
+  const int32_t *step, *moving;       /* (step_count,) registers; whether the motion needs their derivatives */
   const int32_t *zero, *seen;         /* (zeros,), (reinits,) registers */
   double *work, *noise, *which, *turn, *before, *at;
+  double *begun, *held, *steps;       /* (n,), (discrete,) states and values before an event; room */
+  double next, lost;                  /* s, of the next time event; J, that the last event has cost */
+  int due;
 } page_events;
 
 /* Its laws. */

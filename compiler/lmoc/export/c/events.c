@@ -196,17 +196,8 @@ static int judge(fmu *f) {
    `which` tells of. */
 static int event(fmu *f, int due, double instant, const double *which, const double *turn_back) {
   lmoc_instant *e = &f->e;
-  int found;
   for (int64_t i = 0; i < e->discrete; i++) f->before_event[i] = e->v[e->own[i]];
-  if ((found = lmoc_take(e, f->now.time, f->x))) return found;
-  lmoc_remember(e);
-  if (due) lmoc_ring(e, instant);
-  if (which) lmoc_turn_early(e, which);
-  for (int64_t k = 0; turn_back && k < e->zeros; k++) {
-    double *own = e->v + e->target[e->of_zero[k]];
-    if (turn_back[k] != 0) *own = 1 - *own;
-  }
-  found = lmoc_event(e, f->x);
+  int found = lmoc_happen(e, f->now.time, f->x, due ? instant : NAN, which, turn_back, -1);
   f->now.jumped |= e->jumped != 0;
   fmu_changed(f);
   if (!found) found = fmu_discrete_steps(f, f->before_event);

@@ -74,19 +74,18 @@ class _Events:
             "initialEquations": initial_data,
             "initial": self.single(events.initial),
             "terminal": self.single(events.terminal),
+            "jumping": [plan.reduced.register_name(int(r)) for r in jumps.registers],
             "told": self.told(),
             "looksAtTime": self.layout.looks_at_time,
-            "jumps": {
-                "registers": jumps.registers.tolist(),
-                "moving": jumps.moving.tolist(),
-                "stored": [stored_register] if jumps.stored else [],
-                "names": [plan.reduced.register_name(int(r)) for r in jumps.registers],
-            },
-            "stored": stored_register if events.reinits else -1,
-            **ledger_states(plan),
         }
+        ledger = ledger_states(plan)
+        single = (
+            self.single(events.terminal), stored_register if events.reinits else -1, ledger["work"], ledger["heat"],
+            stored_register if jumps.stored else -1,
+        )  # fmt: skip
         seen = [plan.reduced.register_of[r.target] for r in events.reinits]
-        return programs, data, InstantTables(self.zeros, np.concatenate([NONE, *seen]), tables.columns)
+        seen = np.concatenate([NONE, *seen])
+        return programs, data, InstantTables(self.zeros, seen, single, jumps.registers, jumps.moving, tables.columns)
 
     def single(self, variable: int) -> int:
         return -1 if variable < 0 else int(self.of(np.array([variable]))[0])

@@ -35,11 +35,17 @@ class InstantTables:
     Attributes
     ----------
     zeros, seen : registers of the zero functions, and of the variables that `reinit` sets
+    single : registers of `terminal()` and of the stored energy where a jump of states changes it; which states of the
+        ledger are work and heat; the register of the stored energy where a step changes it; -1 for none
+    steps, moving : registers of what may step, and whether the motion needs their derivatives
     columns : as of `numerics.events.tables.Tables`
     """
 
     zeros: np.ndarray
     seen: np.ndarray
+    single: tuple[int, int, int, int, int]
+    steps: np.ndarray
+    moving: np.ndarray
     columns: dict[str, np.ndarray]
 
 
@@ -94,8 +100,9 @@ def packed_programs(
         p.tape(tape, own)
     p.integer(events is not None)
     if events is not None:
-        p.each(int(np.asarray(numbers[name])) for name in ("look", "assign", "lines"))
-        for table in (events.zeros, events.seen, *(events.columns[name] for name in TABLES)):
+        p.each(int(np.asarray(numbers[name])) for name in ("look", "assign", "lines", "jumps"))
+        p.each(events.single)
+        for table in (events.steps, events.moving, events.zeros, events.seen, *(events.columns[name] for name in TABLES)):
             p.integers(table)
     p.integer(laws is not None)
     if laws is not None:

@@ -28,10 +28,6 @@ export class DiscreteState {
     return this.scene.w;
   }
 
-  value(register) {
-    return register < 0 ? NaN : this.scene.w[register];
-  }
-
   all() {
     return this.own.discrete.map((register) => this.w[register]);
   }
@@ -43,9 +39,9 @@ export class DiscreteState {
   }
 
   /** Do something with a state; what the instant comes to. */
-  ask(name, t, x) {
+  ask(name, t, x, more = 0) {
     this.programs.x.set(x);
-    const found = this.exports[`lmoc_page_${name}`](this.page, t);
+    const found = this.exports[`lmoc_page_${name}`](this.page, t, more);
     this.programs.checked(0);
     return found;
   }
@@ -80,20 +76,18 @@ export class DiscreteState {
   }
 
   /**
-   * Carry out everything that happens at an instant: {x, told}, the states behind it (the same array where none jumps) and
-   * the numbers of what is to be told. `begin` is called when the values before the event have been kept, to set what the
-   * event itself changes.
+   * Carry out everything that happens at an instant, and book what it costs: {x, told, next, due, lost, jumped}, the states
+   * behind it, the numbers of what is to be told, the next time event, whether one was due, and the energy.
    */
-  event(t, x, begin) {
-    const { exports, page, programs } = this;
-    this.look(t, x);
-    this.remember();
-    begin();
-    programs.x.set(x);
-    this.judge(exports.lmoc_page_event(page), t);
-    const behind = Float64Array.from(programs.answer);
+  event(t, x, change) {
+    const { exports, page } = this;
+    const found = this.ask("event", t, x, change);
+    const what = found < 0 ? `'${this.own.jumping[-1 - found]}' jumps at t = ${t.toPrecision(6)} s` : "";
+    if (what) throw new Stopped(`${what}, and the motion needs its derivative, which is an impulse there`);
+    this.judge(found, t);
     const told = Array.from({ length: exports.lmoc_page_told_count(page) }, (_, k) => exports.lmoc_page_told_of(page, k));
-    return { x: behind.every((v, j) => v === x[j]) ? x : behind, told };
+    const [next, due, lost, jumped] = [0, 1, 2, 3].map((which) => exports.lmoc_page_happened(page, which));
+    return { x: Float64Array.from(this.programs.answer), told, next, due: due !== 0, lost, jumped: jumped !== 0 };
   }
 
   /** The states with the values that `reinit` gives them; null where it gives none. */
@@ -108,11 +102,6 @@ export class DiscreteState {
     return this.exports.lmoc_page_next(this.page, t, Number(include));
   }
 
-  /** Set the variables of `sample` whose instant this is. */
-  ring(t) {
-    this.exports.lmoc_page_ring(this.page, t);
-  }
-
   /** Take note of functions that cross zero, 1, or of rounded ones the next whole number, 2. */
   cross(t, x, which) {
     const { exports, page, programs } = this;
@@ -120,25 +109,10 @@ export class DiscreteState {
     this.judge(this.ask("cross", t, x), t);
   }
 
-  /** Let relations change that come to their change so soon that it is at this instant, though not there yet. */
-  turnEarly() {
-    this.exports.lmoc_page_turn_early(this.page);
-  }
-
-  /** Until functions have left zero that have crossed it, rounding does not bring them back. */
-  leaveZero() {
-    this.exports.lmoc_page_leave_zero(this.page);
-  }
-
   /** Whether a jump of states sends some back to the side they came from. */
   turnedBack(t, x) {
     const found = this.ask("turned_back", t, x);
     if (found > 1) this.judge(found === 2 ? NO_VALUE : found, t);
     return found === 1;
-  }
-
-  /** Let these change back. */
-  flip() {
-    this.exports.lmoc_page_flip(this.page);
   }
 }

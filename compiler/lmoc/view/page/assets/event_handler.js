@@ -5,7 +5,7 @@ import { Stopped } from "./stopped.js";
 
 const START_ROUNDS = 50; // of finding states and discrete values at the start that agree
 const LEAST_LOOKS = 120; // steps at least in a run with relations of time that are not linear in it
-const CONTINUOUS = 1e-9; // share of a value by which it may change at an event and still be continuous
+const [NOTHING, CROSSED, BACK, ENDS, BEGINS] = [0, 1, 2, 3, 4]; // what changes at an instant beside samples that are due
 
 export class EventHandler {
   constructor(scene) {
@@ -51,7 +51,7 @@ export class EventHandler {
     x = discrete.reinit(begin, x) ?? x;
     this.flag(own.initial, 0);
     discrete.remember();
-    return discrete.event(begin, x, () => {}).x;
+    return discrete.event(begin, x, BEGINS).x;
   }
 
   flag(register, value) {
@@ -77,13 +77,11 @@ export class EventHandler {
         if (roots[count + i]) which[k] = 2;
       });
       discrete.cross(t, x, which);
-      const behind = this.event(t, x, "when", () => discrete.turnEarly());
-      discrete.leaveZero();
-      if (behind === x || !discrete.turnedBack(t, behind)) return behind;
-      return this.event(t, behind, "when", () => discrete.flip());
+      const behind = this.event(t, x, "when", CROSSED);
+      return this.jumped && discrete.turnedBack(t, behind) ? this.event(t, behind, "when", BACK) : behind;
     }
     if (t >= this.next - nearTo(t)) return this.event(t, x, "time");
-    if (own.terminal >= 0 && this.scene.w[own.terminal] === 0) return this.event(t, x, "terminal");
+    if (own.terminal >= 0 && this.scene.w[own.terminal] === 0) return this.event(t, x, "terminal", ENDS);
     return null;
   }
 
@@ -97,67 +95,20 @@ export class EventHandler {
     return this.event(t, x, "when");
   }
 
-  event(t, x, reason, change = () => {}) {
+  event(t, x, reason, change = NOTHING) {
     const { discrete, own, scene } = this;
     const told = own.told.map(({ register }) => scene.w[register]);
-    const held = discrete.all();
-    const due = t >= this.next - nearTo(t); // also where something else has ended the piece at the same instant
-    const instant = due ? this.next : t;
-    const kind = due && reason === "when" ? "time" : reason;
-    const happened = discrete.event(t, x, () => {
-      if (due) discrete.ring(instant);
-      if (kind === "terminal") this.flag(own.terminal, 1);
-      change();
-    });
-    this.next = discrete.nextTime(instant);
-    const lost = this.energy(t, x, happened);
-    this.bookSteps(t, happened.x, held);
+    const happened = discrete.event(t, x, change);
+    this.next = happened.next;
+    this.jumped = happened.jumped;
+    const kind = happened.due && reason === "when" ? "time" : reason;
     const news = happened.told.map((k) => own.news[k]);
-    this.tell(t, kind, news.filter(({ when }) => when), told, lost);
+    this.tell(t, kind, news.filter(({ when }) => when), told, happened.lost);
     const broken = news.find(({ error }) => error);
     if (broken) throw new Stopped(`an assertion does not hold: ${broken.message} (t = ${t.toPrecision(6)} s)`);
     const end = news.find(({ ends }) => ends);
     if (end) throw new Stopped(end.message, false);
     return happened.x;
-  }
-
-  /** Book what energy the jump of states has cost as heat, what it has brought as work; the loss. */
-  energy(t, x, happened) {
-    const { discrete, own } = this;
-    if (happened.x === x || own.stored < 0 || own.work < 0 || own.heat < 0) return 0;
-    const stored = (state) => {
-      discrete.look(t, state);
-      return discrete.value(own.stored);
-    };
-    const lost = stored(x) - stored(happened.x);
-    if (!Number.isFinite(lost)) return lost;
-    happened.x[lost > 0 ? own.heat : own.work] += Math.abs(lost);
-    return Math.max(lost, 0);
-  }
-
-  /** Book the work of what steps at an instant; where the motion needs the derivative of the step, the run stops. */
-  bookSteps(t, x, held) {
-    const { discrete, scene } = this;
-    const { registers, moving, stored, names } = this.own.jumps;
-    if (registers.length === 0) return;
-    const values = () => {
-      scene.evaluate(scene.functions.jumps, t, x);
-      return [...registers, ...stored].map((register) => scene.w[register]);
-    };
-    const now = discrete.all();
-    discrete.put(held);
-    const before = values();
-    discrete.put(now);
-    const after = values();
-    const jumped = registers.map((_, k) => {
-      return Math.abs(after[k] - before[k]) > CONTINUOUS * Math.max(Math.abs(after[k]), Math.abs(before[k]));
-    });
-    const wrong = jumped.findIndex((j, k) => j && moving[k]);
-    if (wrong >= 0) {
-      const what = `'${names[wrong]}' jumps at t = ${t.toPrecision(6)} s`;
-      throw new Stopped(`${what}, and the motion needs its derivative, which is an impulse there`);
-    }
-    if (jumped.some(Boolean) && stored.length && this.own.work >= 0) x[this.own.work] += after.at(-1) - before.at(-1);
   }
 
   tell(t, kind, whens, told, loss) {
