@@ -85,7 +85,7 @@ static int make_room(lmoc_page *p) {
 #define TAKE(name, count) (p->name = at, at += (count))
   TAKE(x, n), TAKE(answer, n), TAKE(atol, n), TAKE(f, n), TAKE(begin, n), TAKE(steps.x_new, n), TAKE(steps.k, 16*n);
   TAKE(steps.last, n), TAKE(steps.terms, 7*n), TAKE(steps.x, n), TAKE(call.x, 3*n), TAKE(call.solution, 3*m);
-  TAKE(aside, n + m), TAKE(sides, functions), TAKE(values, functions), TAKE(finder.signs, functions);
+  TAKE(sides, functions), TAKE(values, functions), TAKE(finder.signs, functions);
 #undef TAKE
   p->finder.which = (uint8_t *)at;
   return 1;
@@ -173,8 +173,6 @@ void lmoc_page_forget(lmoc_page *p) {
   for (int64_t k = 0; k < p->program_count; k++) lmoc_program_forget(&p->programs[k].program);
 }
 
-void lmoc_page_switch(lmoc_page *p) { p->switched = 1; }
-
 void lmoc_page_seed(lmoc_page *p) { p->call.solved = p->call.marked = p->switched = 0; }
 
 void lmoc_page_choose(lmoc_page *p) { choose(p, p->right); }
@@ -187,18 +185,4 @@ void lmoc_page_mark(lmoc_page *p) {
 void lmoc_page_go_back(lmoc_page *p) {
   lmoc_page_choose(p);
   if (p->call.marked) lmoc_go_back(&p->call);
-}
-
-void lmoc_page_put_aside(lmoc_page *p) {
-  memcpy(p->aside, p->call.x, p->n * sizeof(double));
-  memcpy(p->aside + p->n, p->call.solution, p->unknown_count * sizeof(double));
-  p->aside_time = p->call.time;
-  p->aside_solved = p->call.solved;
-}
-
-void lmoc_page_put_back(lmoc_page *p) {
-  memcpy(p->call.x, p->aside, p->n * sizeof(double));
-  memcpy(p->call.solution, p->aside + p->n, p->unknown_count * sizeof(double));
-  p->call.time = p->aside_time;
-  p->call.solved = p->aside_solved;
 }

@@ -29,16 +29,9 @@ int lmoc_page_run(lmoc_page *p, int program, double time);
 int lmoc_page_evaluate(lmoc_page *p, int program, double time);
 void lmoc_page_sample(lmoc_page *p, double time);
 
-/* Parameters have changed; other equations hold from now on; nonlinear blocks begin from the registers. */
+/* Parameters have changed; nonlinear blocks begin from the registers. */
 void lmoc_page_forget(lmoc_page *p);
-void lmoc_page_switch(lmoc_page *p);
 void lmoc_page_seed(lmoc_page *p);
-
-/* Keep the last solution of nonlinear blocks, and go on from it; of a step, and aside. */
-void lmoc_page_mark(lmoc_page *p);
-void lmoc_page_go_back(lmoc_page *p);
-void lmoc_page_put_aside(lmoc_page *p);
-void lmoc_page_put_back(lmoc_page *p);
 
 /* Derivatives of the state. */
 void lmoc_page_rates(lmoc_page *p, double time);
@@ -88,6 +81,7 @@ double lmoc_page_next(lmoc_page *p, double time, int include);
    and whether they have jumped. */
 int lmoc_page_event(lmoc_page *p, double time, int change);
 double lmoc_page_happened(const lmoc_page *p, int which);
+double *lmoc_page_before(lmoc_page *p);                     /* (discrete,) values before it */
 int lmoc_page_told_count(const lmoc_page *p);
 int lmoc_page_told_of(const lmoc_page *p, int k);
 double *lmoc_page_crossing(lmoc_page *p);
@@ -103,8 +97,12 @@ double *lmoc_page_errors(lmoc_page *p);
 int lmoc_page_start_laws(lmoc_page *p, double time);
 uint8_t *lmoc_page_vanishing(lmoc_page *p);
 int lmoc_page_laws_happen(lmoc_page *p, double time);
-int lmoc_page_look_at_laws(lmoc_page *p, double time);      /* with the discrete values before an event … */
-int lmoc_page_laws_answer(lmoc_page *p, double time, int jumped);  /* … what follows from those behind it */
+
+/* Laws have left this state, with the discrete values before an event; and behind it, let laws and discrete equations answer
+   each other from the state as it is now. The host is told of each. */
+void lmoc_page_left(lmoc_page *p);
+int lmoc_page_settle(lmoc_page *p, double time);
+
 int lmoc_page_laws_drift(const lmoc_page *p);
 int lmoc_page_keep(lmoc_page *p, double time, double share);
 

@@ -90,7 +90,7 @@ static void read_tables(lmoc_instant *e, lmoc_bytes *b) {
 static int make_room(page_events *v, int64_t n) {
   lmoc_instant *e = &v->instant;
   const int64_t zeros = e->zeros, d = e->discrete;
-  const int64_t sum = 2*n + 2*v->step_count + 2 + 2*d + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
+  const int64_t sum = 4*n + 2*v->step_count + 2 + 3*d + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
   double *at = calloc((size_t)(sum + 3*zeros), sizeof(double));
   e->found = calloc((size_t)e->told + 1, sizeof(int64_t));
   e->near = calloc((size_t)zeros + 1, 1);
@@ -101,7 +101,7 @@ static int make_room(page_events *v, int64_t n) {
   TAKE(instant.flipped, d), TAKE(instant.moved, n), TAKE(instant.history, LMOC_HISTORY*d);
   TAKE(hops.times, zeros*LMOC_CHATTER), TAKE(hops.home, zeros), TAKE(hops.work, 4*n + 9*zeros);
   TAKE(work, 2*n + 3*zeros), TAKE(noise, zeros), TAKE(which, zeros), TAKE(turn, zeros), TAKE(before, n), TAKE(at, zeros);
-  TAKE(begun, n), TAKE(held, d), TAKE(steps, 2*v->step_count + 2 + d);
+  TAKE(left, n), TAKE(state, n), TAKE(past, d), TAKE(begun, n), TAKE(held, d), TAKE(steps, 2*v->step_count + 2 + d);
 #undef TAKE
   return 1;
 }
@@ -253,6 +253,8 @@ double lmoc_page_happened(const lmoc_page *p, int which) {
   const double all[] = {v->next, (double)v->due, v->lost, (double)v->instant.jumped};
   return all[which];
 }
+
+double *lmoc_page_before(lmoc_page *p) { return p->events.held; }
 
 int lmoc_page_told_count(const lmoc_page *p) { return (int)p->events.instant.found_count; }
 

@@ -146,9 +146,7 @@ static int answered(lmoc_page *p, int found) {
 int lmoc_page_start_laws(lmoc_page *p, double time) {
   lmoc_law_run *s = &p->laws.run;
   memcpy(p->answer, p->x, p->n * sizeof(double));
-  lmoc_page_put_aside(p); /* rates as linear forms are found elsewhere than the motion is */
   const int failed = lmoc_law_renew(s);
-  lmoc_page_put_back(p);
   return answered(p, failed ? failed : lmoc_law_start(s, time, p->answer));
 }
 
@@ -159,18 +157,71 @@ int lmoc_page_laws_happen(lmoc_page *p, double time) {
   return answered(p, lmoc_law_happen(&p->laws.run, time, p->answer, p->laws.which, 0));
 }
 
-int lmoc_page_look_at_laws(lmoc_page *p, double time) { return lmoc_law_look(&p->laws.run, time, p->x); }
+/* ------------------------------------------------------------------ laws and discrete equations */
 
-int lmoc_page_laws_answer(lmoc_page *p, double time, int jumped) {
-  lmoc_law_run *s = &p->laws.run;
-  int failed, parted;
-  memcpy(p->answer, p->x, p->n * sizeof(double));
-  lmoc_page_put_aside(p);
-  failed = lmoc_law_renew(s);
-  lmoc_page_put_back(p);
-  if (!failed) failed = lmoc_law_parts(s, time, p->answer, &parted);
-  return answered(p, failed ? failed : lmoc_law_happen(s, time, p->answer, s->none, jumped || parted));
+#if defined(__wasm__)
+#define HOST(name) __attribute__((import_module("host"), import_name(name)))
+HOST("laws") void lmoc_host_laws(void);               /* is told of what laws have done … */
+HOST("event") void lmoc_host_event(int found);        /* … and the discrete equations */
+#else
+static void lmoc_host_laws(void) {}
+static void lmoc_host_event(int found) { (void)found; }
+#endif
+
+/* Exchange the discrete values for those that are kept. */
+static void swap(lmoc_page *p) {
+  const lmoc_instant *e = &p->events.instant;
+  for (int64_t i = 0; i < e->discrete; i++) {
+    const double kept = p->events.past[i];
+    p->events.past[i] = e->v[e->own[i]];
+    e->v[e->own[i]] = kept;
+  }
+  p->switched = 1;
 }
+
+static void keep(lmoc_page *p) {
+  const lmoc_instant *e = &p->events.instant;
+  for (int64_t i = 0; i < e->discrete; i++) p->events.past[i] = e->v[e->own[i]];
+}
+
+static int renew(void *owner) {
+  swap(owner);
+  return 0;
+}
+
+static int happened(void *owner) {
+  lmoc_page_hold(owner);
+  lmoc_host_laws();
+  return 0;
+}
+
+static int settle(void *owner, double time, double *x) {
+  lmoc_page *p = owner;
+  keep(p);
+  memcpy(p->x, x, p->n * sizeof(double));
+  const int found = lmoc_page_event(p, time, 0);
+  lmoc_host_event(found);
+  memcpy(x, p->answer, p->n * sizeof(double));
+  swap(p);
+  return found;
+}
+
+void lmoc_page_left(lmoc_page *p) {
+  keep(p);
+  memcpy(p->events.left, p->x, p->n * sizeof(double));
+}
+
+int lmoc_page_settle(lmoc_page *p, double time) {
+  const lmoc_discrete discrete = {p, renew, happened, settle};
+  page_events *v = &p->events;
+  memcpy(v->state, p->x, p->n * sizeof(double));
+  swap(p);
+  const int found = lmoc_law_settle(&p->laws.run, &discrete, time, v->left, v->state);
+  memcpy(p->answer, v->state, p->n * sizeof(double));
+  return answered(p, found);
+}
+
+/* ------------------------------------------------------------------ what stays closed */
 
 int lmoc_page_laws_drift(const lmoc_page *p) { return lmoc_law_drifts(&p->laws.run); }
 

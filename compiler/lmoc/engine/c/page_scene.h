@@ -31,6 +31,7 @@ typedef struct {
   const int32_t *zero, *seen;         /* (zeros,), (reinits,) registers */
   double *work, *noise, *which, *turn, *before, *at;
   double *begun, *held, *steps;       /* (n,), (discrete,) states and values before an event; room */
+  double *left, *state, *past;        /* (n,), (n,), (discrete,) as laws have left them; room */
   double next, lost;                  /* s, of the next time event; J, that the last event has cost */
   int due;
 } page_events;
@@ -63,9 +64,8 @@ struct lmoc_page {
   lmoc_tables tables;
   int64_t program_count, size, n, unknown_count, right, branches;
   int32_t *states, *derivatives, *unknowns;
-  double *w, *x, *answer, *atol, *f, *begin, *aside;
-  double aside_time;
-  int64_t aside_solved, dense, rejected, evaluations;
+  double *w, *x, *answer, *atol, *f, *begin;
+  int64_t dense, rejected, evaluations;
   int switched;
   const lmoc_call *last;
   lmoc_call call;
@@ -85,6 +85,10 @@ struct lmoc_page {
 
 /* Let the right-hand side be what is evaluated next. */
 void lmoc_page_choose(lmoc_page *p);
+
+/* Keep the last solution of nonlinear blocks, and go on from it. */
+void lmoc_page_mark(lmoc_page *p);
+void lmoc_page_go_back(lmoc_page *p);
 
 int64_t lmoc_page_room_of_radau(lmoc_page *p);              /* doubles */
 

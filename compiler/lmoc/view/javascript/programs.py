@@ -102,7 +102,8 @@ def packed_programs(
     if events is not None:
         p.each(int(np.asarray(numbers[name])) for name in ("look", "assign", "lines", "jumps"))
         p.each(events.single)
-        for table in (events.steps, events.moving, events.zeros, events.seen, *(events.columns[name] for name in TABLES)):
+        own = events.steps, events.moving, events.zeros, events.seen
+        for table in (*own, *(events.columns[name] for name in TABLES)):
             p.integers(table)
     p.integer(laws is not None)
     if laws is not None:

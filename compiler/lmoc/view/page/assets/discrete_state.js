@@ -32,12 +32,6 @@ export class DiscreteState {
     return this.own.discrete.map((register) => this.w[register]);
   }
 
-  /** Put back the values of `all()`. */
-  put(values) {
-    this.programs.switched();
-    this.own.discrete.forEach((register, k) => (this.w[register] = values[k]));
-  }
-
   /** Do something with a state; what the instant comes to. */
   ask(name, t, x, more = 0) {
     this.programs.x.set(x);
@@ -76,18 +70,18 @@ export class DiscreteState {
   }
 
   /**
-   * Carry out everything that happens at an instant, and book what it costs: {x, told, next, due, lost, jumped}, the states
-   * behind it, the numbers of what is to be told, the next time event, whether one was due, and the energy.
+   * What has been carried out at an instant, and booked: {x, before, told, next, due, lost, jumped}, the states behind it, the
+   * discrete values before it, the numbers of what is to be told, the next time event, whether one was due, and the energy.
    */
-  event(t, x, change) {
-    const { exports, page } = this;
-    const found = this.ask("event", t, x, change);
-    const what = found < 0 ? `'${this.own.jumping[-1 - found]}' jumps at t = ${t.toPrecision(6)} s` : "";
+  outcome(found, t) {
+    const { exports, page, own, programs } = this;
+    const what = found < 0 ? `'${own.jumping[-1 - found]}' jumps at t = ${t.toPrecision(6)} s` : "";
     if (what) throw new Stopped(`${what}, and the motion needs its derivative, which is an impulse there`);
     this.judge(found, t);
+    const before = new Float64Array(programs.buffer, exports.lmoc_page_before(page), own.discrete.length);
     const told = Array.from({ length: exports.lmoc_page_told_count(page) }, (_, k) => exports.lmoc_page_told_of(page, k));
     const [next, due, lost, jumped] = [0, 1, 2, 3].map((which) => exports.lmoc_page_happened(page, which));
-    return { x: Float64Array.from(this.programs.answer), told, next, due: due !== 0, lost, jumped: jumped !== 0 };
+    return { x: Float64Array.from(programs.answer), before, told, next, due: due !== 0, lost, jumped: jumped !== 0 };
   }
 
   /** The states with the values that `reinit` gives them; null where it gives none. */

@@ -5,13 +5,14 @@ import { Stopped } from "./stopped.js";
 
 const START_ROUNDS = 50; // of finding states and discrete values at the start that agree
 const LEAST_LOOKS = 120; // steps at least in a run with relations of time that are not linear in it
-const [NOTHING, CROSSED, BACK, ENDS, BEGINS] = [0, 1, 2, 3, 4]; // what changes at an instant beside samples that are due
+const [CROSSED, BACK, ENDS, BEGINS] = [1, 2, 3, 4]; // what changes at an instant beside samples that are due
 
 export class EventHandler {
   constructor(scene) {
     const { data } = scene;
     Object.assign(this, { scene, own: data.events, begin: data.begin, end: data.end });
     this.discrete = new DiscreteState(scene);
+    this.places = this.own.told.map(({ register }) => this.own.discrete.indexOf(register));
     this.records = [];
     this.next = Infinity;
   }
@@ -51,7 +52,7 @@ export class EventHandler {
     x = discrete.reinit(begin, x) ?? x;
     this.flag(own.initial, 0);
     discrete.remember();
-    return discrete.event(begin, x, BEGINS).x;
+    return discrete.outcome(discrete.ask("event", begin, x, BEGINS), begin).x;
   }
 
   flag(register, value) {
@@ -90,20 +91,19 @@ export class EventHandler {
     return Math.abs(this.next - t) <= near ? this.next : t;
   }
 
-  /** Do what follows from a change of the continuous equations at an instant. */
-  settle(t, x) {
-    return this.event(t, x, "when");
+  event(t, x, reason, change) {
+    return this.happened(t, reason, this.discrete.ask("event", t, x, change));
   }
 
-  event(t, x, reason, change = NOTHING) {
-    const { discrete, own, scene } = this;
-    const told = own.told.map(({ register }) => scene.w[register]);
-    const happened = discrete.event(t, x, change);
+  /** Tell of what the engine has carried out; the states behind it. */
+  happened(t, reason, found) {
+    const { discrete, own } = this;
+    const happened = discrete.outcome(found, t);
     this.next = happened.next;
     this.jumped = happened.jumped;
     const kind = happened.due && reason === "when" ? "time" : reason;
     const news = happened.told.map((k) => own.news[k]);
-    this.tell(t, kind, news.filter(({ when }) => when), told, happened.lost);
+    this.tell(t, kind, news.filter(({ when }) => when), happened.before, happened.lost);
     const broken = news.find(({ error }) => error);
     if (broken) throw new Stopped(`an assertion does not hold: ${broken.message} (t = ${t.toPrecision(6)} s)`);
     const end = news.find(({ ends }) => ends);
@@ -111,7 +111,7 @@ export class EventHandler {
     return happened.x;
   }
 
-  tell(t, kind, whens, told, loss) {
+  tell(t, kind, whens, before, loss) {
     const { own, scene } = this;
     let lost = loss;
     const add = (record) => this.records.push({ time: t, before: "", after: "", impulse: 0, energy_lost: 0, note: "", ...record });
@@ -120,10 +120,10 @@ export class EventHandler {
       lost = 0;
     }
     own.told.forEach(({ register, name, boolean, hidden }, k) => {
-      const now = scene.w[register];
-      if (now === told[k] || (!hidden && whens.length)) return;
+      const [past, now] = [before[this.places[k]], scene.w[register]];
+      if (now === past || (!hidden && whens.length)) return;
       const shown = (value) => (boolean ? String(Boolean(value)) : String(Number(value.toPrecision(6))));
-      add({ name, kind: hidden ? "relation" : "change", before: shown(told[k]), after: shown(now) });
+      add({ name, kind: hidden ? "relation" : "change", before: shown(past), after: shown(now) });
     });
   }
 }

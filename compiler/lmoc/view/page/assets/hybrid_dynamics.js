@@ -3,10 +3,7 @@
 
 import { EventHandler } from "./event_handler.js";
 import { located } from "./discrete_state.js";
-import { Stopped } from "./stopped.js";
 import { LawSwitching } from "./switching.js";
-
-const MUTUAL_ROUNDS = 20; // of laws and discrete equations that change each other at one instant
 
 export class HybridDynamics {
   constructor(scene) {
@@ -60,7 +57,9 @@ export class HybridDynamics {
     const [state, events] = this.laws.start(begin, x);
     this.records.push(...events);
     x = state;
-    return this.handler === null ? x : this.settle(begin, x, x, this.handler.discrete.all());
+    if (this.handler === null) return x;
+    this.leave(x);
+    return this.settle(begin, x);
   }
 
   /**
@@ -92,36 +91,36 @@ export class HybridDynamics {
       state = behind;
     }
     if (this.handler === null) return which === null ? null : state;
-    const held = this.handler.discrete.all();
+    if (this.laws !== null) this.leave(state);
     const behind = this.handler.after(t, state, which === null ? null : [...which].slice(this.lawRoots));
     this.collect();
-    return behind === null || this.laws === null ? behind : this.settle(t, state, behind, held);
+    return behind === null || this.laws === null ? behind : this.settle(t, behind);
   }
 
-  /**
-   * Let laws and discrete equations answer each other until nothing changes; `left` by the laws and `from` now are the
-   * states, `held` what the discrete values have been.
-   */
-  settle(t, left, from, held) {
-    const { ledger } = this.laws.own;
-    const { discrete } = this.handler;
-    let [before, x, past] = [left, from, held];
-    for (let round = 0; round < MUTUAL_ROUNDS; round++) {
-      const mode = this.laws.mode();
-      const jumped = x.some((v, j) => v !== before[j] && !ledger[j]);
-      const now = discrete.all();
-      discrete.put(past);
-      this.laws.look(t, x);
-      discrete.put(now);
-      past = now;
-      const [state, events] = this.laws.answer(t, x, jumped);
-      this.records.push(...events);
-      if (events.length === 0 && mode === this.laws.mode()) return state;
-      before = state;
-      x = this.handler.settle(t, state);
-      this.collect();
-    }
-    throw new Stopped(`laws and events change each other again and again at t = ${t.toPrecision(6)} s`);
+  /** Laws have left the states so, with the discrete values before an event. */
+  leave(x) {
+    const { programs } = this.scene;
+    programs.x.set(x);
+    programs.exports.lmoc_page_left(programs.page);
+  }
+
+  /** Let laws and discrete equations answer each other until nothing changes, from states. */
+  settle(t, x) {
+    const { programs } = this.scene;
+    Object.assign(programs, { dynamics: this });
+    this.instant = t;
+    programs.x.set(x);
+    this.laws.judge(t, programs.exports.lmoc_page_settle(programs.page, t));
+    return Float64Array.from(programs.answer);
+  }
+
+  tellLaws() {
+    this.records.push(...this.laws.events());
+  }
+
+  tellEvent(found) {
+    this.handler.happened(this.instant, "when", found);
+    this.collect();
   }
 
   collect() {

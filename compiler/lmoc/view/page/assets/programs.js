@@ -7,7 +7,8 @@ const FAILED = 1; // a bit of what a program returns: a nonlinear block has no s
 /** `engine` is compiled; `w` are the registers; `x`, `answer` and `atol` are as long as the state. */
 export class Programs {
   constructor(engine, code, stateCount) {
-    const { exports } = new WebAssembly.Instance(engine);
+    const host = { laws: () => this.dynamics.tellLaws(), event: (found) => this.dynamics.tellEvent(found) };
+    const { exports } = new WebAssembly.Instance(engine, { host });
     exports._initialize();
     const bytes = decodeBytes(code);
     const room = exports.lmoc_page_room(bytes.length);
@@ -62,30 +63,9 @@ export class Programs {
     this.exports.lmoc_page_forget(this.page);
   }
 
-  /** From now on other equations hold, whose solution may be elsewhere. */
-  switched() {
-    this.exports.lmoc_page_switch(this.page);
-  }
-
   /** Let nonlinear blocks begin from what stands in the registers. */
   seed() {
     this.exports.lmoc_page_seed(this.page);
-  }
-
-  mark() {
-    this.exports.lmoc_page_mark(this.page);
-  }
-
-  goBack() {
-    this.exports.lmoc_page_go_back(this.page);
-  }
-
-  /** Do something that leaves the last solution as it is. */
-  aside(work) {
-    this.exports.lmoc_page_put_aside(this.page);
-    const found = work();
-    this.exports.lmoc_page_put_back(this.page);
-    return found;
   }
 
   /** The functions whose signs end a piece that begins at a place: `laws` of them are of laws. Null where there are none. */

@@ -9,7 +9,7 @@ const FIELDS = ["closed", "implied", "direction", "push", "kind", "when", "impul
 const [, ACCUMULATION, IMPACT] = [0, 1, 2]; // kinds of `engine/c/law_run.h`; the others are what laws themselves call it
 const IMPACT_LAWS = ["Newton", "Poisson"];
 const REASONS = { 1: "no forces keep them", 3: "no states nearby satisfy them", 4: "no impulses keep them" };
-const [OVERLAPS, GAP_JUMPS, CHATTERS] = [5, 6, 7];
+const [OVERLAPS, GAP_JUMPS, CHATTERS, NO_END] = [5, 6, 7, 8];
 
 export class LawSwitching {
   constructor(scene) {
@@ -28,11 +28,6 @@ export class LawSwitching {
   all(name) {
     const which = FIELDS.indexOf(name);
     return this.own.names.map((_, k) => this.exports.lmoc_page_law(this.page, k, which));
-  }
-
-  /** What tells one mode from another. */
-  mode() {
-    return ["closed", "implied", "direction", "push"].flatMap((name) => this.all(name)).join();
   }
 
   /** Take what the integrator has allowed itself in a step. */
@@ -86,22 +81,14 @@ export class LawSwitching {
     return this.take(t, exports.lmoc_page_laws_happen(page, t));
   }
 
-  /** Look at the laws with the discrete values from before an event, which `answer` compares. */
-  look(t, x) {
-    this.programs.x.set(x);
-    this.programs.checkedStatus(this.exports.lmoc_page_look_at_laws(this.page, t));
-  }
-
-  /** What follows from a change of discrete values and, where they have `jumped`, of states: [x, events]. */
-  answer(t, x, jumped) {
-    this.programs.x.set(x);
-    return this.take(t, this.exports.lmoc_page_laws_answer(this.page, t, Number(jumped)));
-  }
-
   take(t, status) {
+    this.judge(t, status);
+    return [Float64Array.from(this.programs.answer), this.events()];
+  }
+
+  judge(t, status) {
     const found = this.programs.checkedStatus(status);
     if (found !== 0) throw new Stopped(this.reason(found, t));
-    return [Float64Array.from(this.programs.answer), this.events()];
   }
 
   reason(found, t) {
@@ -111,6 +98,7 @@ export class LawSwitching {
     const at = `at t = ${t.toPrecision(6)} s`;
     if (found === OVERLAPS) return `the gap of '${names}' is negative, ${this.all("gap")[rows[0]].toPrecision(6)}, ${at}`;
     if (found === GAP_JUMPS) return `the gap of '${names}', which is closed, jumps to ${this.all("gap")[rows[0]].toPrecision(6)} ${at}`;
+    if (found === NO_END) return `laws and events change each other again and again ${at}`;
     if (found === CHATTERS) return `the laws of ${names} open and close without end ${at}`;
     return `the laws of ${names} contradict each other ${at}: ${REASONS[found] ?? "there is no way on"}`;
   }
