@@ -1,30 +1,68 @@
 """Edit models at random as a person types: ``python tests/many_edits.py [FIRST] [COUNT] [SECONDS]``; 10000 edits.
 
-Each text is edited 20 times in a row. After each edit every question of an editor is asked, where only the class around
-the change is read and where all of the text is, and the answers are compared (where two repairs of a text that is wrong
-are as small, they may differ); after every tenth one the diagnostics are made. Printed are exceptions with their seeds,
-answers that differ, and how long the questions took.
+Each text, every third one that of a file in a package of several files, is edited 20 times in a row. After each edit
+every question of an editor is asked, where only the part around the change is read and where all of the text is, and
+trees, places and answers are compared; after every fourth one the diagnostics are made, in this process, which has made
+many, and in one that has made none, and compared. Printed are exceptions and differences with their seeds, and the
+processor time that the questions took.
 """
 
 from __future__ import annotations
 
+import os
+import pickle
 import random
 import sys
+import tempfile
 import time
 import traceback
+from collections import Counter
+from multiprocessing import Pipe
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "editor"))
 
-from test_random_edits import MODELS, asked, edited  # noqa: E402
+from test_random_edits import MODELS, asked, edited, shown  # noqa: E402
 
 from lmoc.editor import colours, hints, outline  # noqa: E402
 from lmoc.editor.analysis import analyse, with_change  # noqa: E402
-from lmoc.editor.checking import check  # noqa: E402
+from lmoc.editor.checking import Checked, check  # noqa: E402
 from lmoc.editor.names import occurrences  # noqa: E402
 
 EDITS = 20  # of one text
-CHECKED = 10  # every so many of them
+CHECKED = 4  # every so many of them
+PACKAGED = 3  # every so many texts
+
+
+class Fresh:
+    """Checks, each in a process that has checked nothing before."""
+
+    def __init__(self) -> None:
+        self.near, far = Pipe()
+        if os.fork() == 0:
+            self.near.close()
+            while True:
+                try:
+                    text, path = far.recv()
+                except EOFError:
+                    os._exit(0)
+                child = os.fork()
+                if child == 0:
+                    far.send(_checked(text, path))
+                    os._exit(0)
+                os.waitpid(child, 0)
+        far.close()
+
+    def check(self, text: str, path: str) -> Checked | str:
+        self.near.send((text, path))
+        return self.near.recv()
+
+
+def _checked(text: str, path: str) -> Checked | str:
+    try:
+        return pickle.loads(pickle.dumps(check(text, path)))  # noqa: S301  as it passes between processes
+    except Exception:
+        return traceback.format_exc(limit=-3)
 
 
 def everything(analysis) -> None:
@@ -37,53 +75,78 @@ def everything(analysis) -> None:
     list(outline.folds(analysis))
 
 
-def session(seed: int, spent: list[float]) -> int:
-    """Edit one text; return how often the answers differed after a change that was read alone."""
+def packaged(rng: random.Random, folder: Path) -> Path:
+    """Write some models as a package, one of them as a package in it; return one of the files."""
+    chosen = {p.stem: p.read_text(encoding="utf-8") for p in rng.sample(MODELS, 4)}
+    inner = folder / "Pack" / "Inner"
+    inner.mkdir(parents=True)
+    (folder / "Pack" / "package.lmo").write_text("package Pack\nend Pack;\n")
+    (inner / "package.lmo").write_text("within Pack;\npackage Inner\n  constant Real c = 2;\nend Inner;\n")
+    files = []
+    for k, text in enumerate(chosen.values()):
+        within, place = (("Pack", folder / "Pack"), ("Pack.Inner", inner))[k % 2]
+        name = text[text.index("model ") + 6 :].split()[0] if "model " in text else f"File{k}"
+        files.append(place / f"{name}.lmo")
+        files[-1].write_text(f"within {within};\n{text}", encoding="utf-8")
+    return rng.choice(files)
+
+
+def session(seed: int, fresh: Fresh, spent: list[float], counted: Counter) -> None:
+    """Edit one text, and count what differs."""
     rng = random.Random(seed)
-    path = rng.choice(MODELS)
-    text, differ = path.read_text(encoding="utf-8"), 0
-    before = analyse(text, str(path))
-    for k in range(EDITS):
-        text = edited(rng, text)
-        if not text:
-            return differ
-        began = time.perf_counter()
-        quick = with_change(before, text)
-        own = analyse(text, str(path)) if quick is None else quick
-        everything(own)
-        offset = rng.randrange(len(text) + 1)
-        answers = asked(own, offset)
-        spent.append(time.perf_counter() - began)
-        whole = analyse(text, str(path))
-        if quick is not None and [c.name for c in whole.file.classes] == [c.name for c in quick.file.classes]:
-            differ += answers != asked(whole, offset)
-        if k % CHECKED == CHECKED - 1:
-            check(text, str(path))
-        before = own
-    return differ
+    with tempfile.TemporaryDirectory() as folder:
+        path = packaged(rng, Path(folder)) if seed % PACKAGED == 0 else rng.choice(MODELS)
+        text = path.read_text(encoding="utf-8")
+        if seed % PACKAGED == 1:  # several classes
+            text = "\n".join([text, *(p.read_text(encoding="utf-8") for p in rng.sample(MODELS, 2))])
+        before = analyse(text, str(path))
+        for k in range(EDITS):
+            text = edited(rng, text)
+            if not text:
+                return
+            began = time.process_time()
+            quick = with_change(before, text)
+            offset = rng.randrange(len(text) + 1) if quick is None else rng.randrange(*quick.known)
+            answers = None if quick is None else asked(quick, offset)
+            spent.append(time.process_time() - began)
+            whole = analyse(text, str(path))
+            everything(whole)
+            counted["edits"] += 1
+            if quick is not None:
+                counted["read in part"] += 1
+                same = answers == asked(whole, offset) and shown(quick, quick.known) == shown(whole, quick.known)
+                if not same or quick.mended != whole.mended:
+                    counted["answers differ"] += 1
+                    print(f"seed {seed}, edit {k}: answers differ", flush=True)
+            if k % CHECKED == CHECKED - 1:
+                counted["checks"] += 1
+                here, there = _checked(text, str(path)), fresh.check(text, str(path))
+                counted["exceptions"] += isinstance(here, str)
+                if here != there or isinstance(here, str):
+                    counted["diagnostics differ"] += here != there
+                    print(f"seed {seed}, edit {k}: diagnostics\n{here}\n{there}", flush=True)
+            before = whole
 
 
 def main(first: int, count: int, seconds: float) -> None:
+    fresh = Fresh()
     spent: list[float] = []
-    failed = differ = seed = 0
+    counted: Counter = Counter({"exceptions": 0, "answers differ": 0, "diagnostics differ": 0})
     until = time.monotonic() + seconds
+    seed = first
     for seed in range(first, first + -(-count // EDITS)):
         if time.monotonic() > until:
             break
         try:
-            found = session(seed, spent)
+            session(seed, fresh, spent, counted)
         except Exception:
-            failed += 1
+            counted["exceptions"] += 1
             print(f"seed {seed}:")
             traceback.print_exc(limit=-3)
-            continue
-        if found:
-            print(f"seed {seed}: {found} answers differ")
-        differ += found
     spent.sort()
     share = [f"{1000 * spent[int(q * (len(spent) - 1))]:.0f} ms" for q in (0.5, 0.99, 1.0)]
-    print(f"{len(spent)} edits until seed {seed}: {failed} exceptions, {differ} answers differ; ", end="")
-    print(f"all questions took {share[0]}, of 99 % at most {share[1]}, at most {share[2]}")
+    print(f"until seed {seed}: {', '.join(f'{n} {what}' for what, n in counted.items())}")
+    print(f"the questions at a place took {share[0]} of processor time, of 99 % at most {share[1]}, at most {share[2]}")
 
 
 if __name__ == "__main__":

@@ -278,3 +278,33 @@ def test_comments_between_words_that_belong_together() -> None:
     c = the_class("initial /* a */ // b\n equation x[end /* c */] = 1; equation for i in r loop end /* d */ for;")
     assert len(c.initial_equations) == 1
     assert isinstance(c.initial_equations[0].left.parts[0].subscripts[0], tree.EndSubscript)
+
+
+GOOD = "model Good\n  Real x = 1;\nend Good;\n"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "codes"),
+    [
+        ("model Bad\n  Real x = 1;\n", ["E0109"]),
+        ("model Bad\n  Real x = (1;\nend Bad;\n", ["E0103"]),
+        ("model Bad\n  Real x = 1 \"what;\nend Bad;\n", ["E0104"]),
+        ("model Bad\n  /* why\nend Bad;\n", ["E0101"]),  # the comment ends where the next one does
+        ("model Bad\nequation\n  when x then\nend Bad;\n", ["E0109"]),
+    ],
+)
+def test_a_mistake_stays_in_its_class(wrong, codes):
+    report = Report()
+    file = parse(Source("test.lmo", GOOD + wrong + "/* behind */\n" + GOOD.replace("Good", "Last")), report)
+    assert [c.name for c in file.classes if c.name != "Bad"] == ["Good", "Last"]
+    assert [d.code for d in report.diagnostics] == codes
+    assert all(len(GOOD) <= d.span.start <= len(GOOD) + len(wrong) for d in report.diagnostics)
+
+
+def test_lines_that_look_like_classes_and_are_none_divide_nothing():
+    hidden = f"model A\n  Real x; /* not yet:\n{GOOD}*/\n/* nor:\n{GOOD}/* */\nmodel Inner\nend Inner;\nend A;\n"
+    (whole,) = read(hidden).classes
+    assert [e.name for e in whole.elements] == ["x", "Inner"]
+    report = Report()
+    assert [c.name for c in parse(Source("test.lmo", hidden.replace("x;", "x")), report).classes] == ["A"]
+    assert [d.code for d in report.diagnostics] == ["E0102"]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 
 from lmoc.editor.analysis import Analysis
 from lmoc.messages.source import Span
@@ -44,20 +43,14 @@ class Occurrence:
     role: str
 
 
-def occurrences(analysis: Analysis) -> list[Occurrence]:
-    """Return all names of a text that mean something, in their order."""
+def occurrences(analysis: Analysis, around: int | None = None) -> list[Occurrence]:
+    """Return all names of a text that mean something, or of its class around a character, in their order."""
     found: list[Occurrence] = []
-    for definition in analysis.classes():
+    for definition in analysis.classes(around):
         scope = analysis.scopes.get(id(definition))
         if scope is not None:
             found += _Names(scope, []).of_class()
     return sorted({(o.start, o.end): o for o in found}.values(), key=lambda o: o.start)
-
-
-def names_around(analysis: Analysis, offset: int) -> list[Occurrence]:
-    """Return the names of the class around a character, and of the classes inside of it."""
-    around = [c for c in analysis.file.classes if c.span.start <= offset <= c.span.end]
-    return occurrences(replace(analysis, file=replace(analysis.file, classes=tuple(around))))
 
 
 def at(found: list[Occurrence], offset: int) -> Occurrence | None:

@@ -24,7 +24,7 @@ from lmoc.editor.checking import Checked, Finding
 from lmoc.editor.commands import COMMANDS
 from lmoc.editor.completion import proposals, signature
 from lmoc.editor.fixes import fixes
-from lmoc.editor.names import at, names_around
+from lmoc.editor.names import at, occurrences
 from lmoc.editor.navigation import Known, RenameRefused, known
 from lmoc.editor.positions import offset, position, span_range
 from lmoc.messages.diagnostics import ModelError
@@ -82,12 +82,20 @@ class Server(LanguageServer):
                 kept = self.known[uri] = text, known(analyse(text, path_of(uri)))
             return kept[1]
 
-    def quick(self, uri: str) -> Analysis:
-        """Return what is known of an open text around where it has been changed last."""
+    def quick(self, uri: str, place: lsp.Position) -> tuple[Analysis, int]:
+        """Return what is known of an open text around a place, and the character there.
+
+        Where the text has been changed since all of it was read, and the place is where it has been, only that part is.
+        """
         text = self.workspace.get_text_document(uri).source
         kept = self.known.get(uri)
-        found = None if kept is None else with_change(kept[1].analysis, text)
-        return self.of(uri).analysis if found is None else found
+        found = None if kept is None or kept[0] == text else with_change(kept[1].analysis, text)
+        if found is not None:
+            at = offset(found.source, place)
+            if found.known.start <= at and (at < found.known.end or found.known.end == len(text)):
+                return found, at
+        whole = self.of(uri).analysis
+        return whole, offset(whole.source, place)
 
     def others(self, uri: str, name: str) -> Iterator[Known]:
         """Yield what is known of the other texts of the workspace in which a name occurs."""
@@ -193,10 +201,9 @@ def _first_line() -> lsp.Range:
 
 @feature(lsp.TEXT_DOCUMENT_HOVER)
 def hover(ls: Server, params: lsp.HoverParams) -> lsp.Hover | None:
-    analysis = ls.quick(params.text_document.uri)
+    analysis, place = ls.quick(params.text_document.uri, params.position)
     source = analysis.source
-    place = offset(source, params.position)
-    found = at(names_around(analysis, place), place)
+    found = at(occurrences(analysis, place), place)
     if found is None:
         return None
     text = lsp.MarkupContent(lsp.MarkupKind.Markdown, describe.markdown(found))
@@ -205,8 +212,7 @@ def hover(ls: Server, params: lsp.HoverParams) -> lsp.Hover | None:
 
 @feature(lsp.TEXT_DOCUMENT_COMPLETION, lsp.CompletionOptions(trigger_characters=[".", "("]))
 def completion(ls: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
-    analysis = ls.quick(params.text_document.uri)
-    found = proposals(analysis, offset(analysis.source, params.position))
+    found = proposals(*ls.quick(params.text_document.uri, params.position))
     items = [
         lsp.CompletionItem(
             p.name, kind=_KINDS[p.kind], detail=p.detail or None, documentation=p.documentation or None,
@@ -219,8 +225,7 @@ def completion(ls: Server, params: lsp.CompletionParams) -> lsp.CompletionList:
 
 @feature(lsp.TEXT_DOCUMENT_SIGNATURE_HELP, lsp.SignatureHelpOptions(trigger_characters=["(", ","]))
 def signature_help(ls: Server, params: lsp.SignatureHelpParams) -> lsp.SignatureHelp | None:
-    analysis = ls.quick(params.text_document.uri)
-    found = signature(analysis, offset(analysis.source, params.position))
+    found = signature(*ls.quick(params.text_document.uri, params.position))
     if found is None:
         return None
     parameters = [lsp.ParameterInformation(name, text or None) for name, text in found.parameters]

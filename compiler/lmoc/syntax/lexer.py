@@ -10,6 +10,7 @@ from functools import cache
 
 from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Source, Span
+from lmoc.syntax.parts import Part
 from lmoc.syntax.tables import END_OF_TEXT, Tables, load
 
 
@@ -25,7 +26,7 @@ class Tokens(namedtuple("Tokens", "symbols texts starts ends")):
         """
         stop = at + removed
         if removed != len(inserted):
-            place = self.ends[at - 1] if at else 0
+            place = self.ends[at - 1] if at else self.starts[0]
             self.starts[at:stop] = self.ends[at:stop] = [place] * len(inserted)
         self.symbols[at:stop] = inserted
         self.texts[at:stop] = [name if symbol == "IDENT" else symbol for symbol in inserted]
@@ -66,16 +67,19 @@ def _scanner(tables: Tables) -> re.Pattern:
     return re.compile("|".join(f"(?P<{symbol}>{pattern})" for symbol, pattern in groups))
 
 
-def scan(source: Source, tables: Tables, doubtful: bool = False) -> tuple[Tokens, list[Diagnostic]]:
-    """The tokens of a text, and what is wrong with its characters.
+def scan(
+    source: Source, tables: Tables, part: Part | None = None, doubtful: bool = False
+) -> tuple[Tokens, list[Diagnostic]]:
+    """The tokens of a text or of a part of it, and what is wrong with its characters.
 
     Keywords and operators are their own symbols. What is wrong is read as what was probably meant, or left out.
     In a `doubtful` text, one whose tokens make no sense, a string over several lines may be one that is not closed.
     """
     said: list[Diagnostic] = []
-    text = source.text
+    start, end = part or (0, len(source.text))
+    text = source.text[:end]
     while True:
-        tokens, irregular = _tokens(text, tables)
+        tokens, irregular = _tokens(text, tables, start)
         foreign = _in_our_signs(source, text, [at for symbol, at in irregular if symbol == "wrong"])
         if foreign is not None:
             text, found = foreign
@@ -141,6 +145,27 @@ def _stray_index_ends(source: Source, tokens: Tokens) -> list[Diagnostic]:
     return said
 
 
+def left_open(text: str, part: Part) -> int | None:
+    """Return where a comment or a string of a part begins that only what follows can end; None if there is none."""
+    _, irregular = _tokens(text[: part.end], load(), part.start)
+    return next((at for symbol, at in irregular if _opens(text, symbol, at)), None)
+
+
+def certain_tokens(text: str, part: Part) -> tuple[Tokens, bool]:
+    """Return the tokens of a part up to the first piece that is none, and whether that is wrong whatever follows."""
+    tokens, irregular = _tokens(text[: part.end], load(), part.start)
+    if not irregular:
+        return tokens, False
+    symbol, at = irregular[0]
+    count = bisect_left(tokens.starts, at)
+    end = (END_OF_TEXT,), ("",), (at,), (at,)
+    return Tokens(*(own[:count] + list(e) for own, e in zip(tokens, end))), not _opens(text, symbol, at)
+
+
+def _opens(text: str, symbol: str, at: int) -> bool:
+    return symbol == "open_comment" or text[at] == '"'
+
+
 def comments(source: Source) -> list[Span]:
     """The places of all comments, in their order, also of those inside of tokens like ``initial equation``."""
     patterns = dict(load().patterns)
@@ -149,14 +174,14 @@ def comments(source: Source) -> list[Span]:
     return [Span(source, match.start(), match.end()) for match in found if match.lastgroup == "COMMENT"]
 
 
-def _tokens(text: str, tables: Tables) -> tuple[Tokens, list[tuple[str, int]]]:
-    """The tokens of a text, and kind and offset of each piece that is none."""
+def _tokens(text: str, tables: Tables, start: int) -> tuple[Tokens, list[tuple[str, int]]]:
+    """The tokens of a text from a character on, and kind and offset of each piece that is none."""
     tokens = Tokens([], [], [], [])
     irregular: list[tuple[str, int]] = []
     add_symbol, add_text = tokens.symbols.append, tokens.texts.append
     add_start, add_end = tokens.starts.append, tokens.ends.append
     ignored, literals = tables.ignored, tables.literals
-    for match in _scanner(tables).finditer(text):
+    for match in _scanner(tables).finditer(text, start):
         symbol = match.lastgroup
         if symbol in ignored:
             continue
@@ -187,7 +212,7 @@ def _first_open(text: str, tokens: Tokens, irregular: list[tuple[str, int]], dou
 
     Where a closing quote is missing, the next opening one closes the string, and a letter follows it at once.
     """
-    certain = next((at for symbol, at in irregular if symbol == "open_comment" or text[at] == '"'), None)
+    certain = next((at for symbol, at in irregular if _opens(text, symbol, at)), None)
     if certain is not None or doubtful:
         for symbol, start, end in zip(tokens.symbols, tokens.starts, tokens.ends, strict=True):
             if symbol == "STRING" and text[end : end + 1].isalnum() and "\n" in text[start:end]:

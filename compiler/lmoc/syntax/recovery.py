@@ -48,7 +48,7 @@ def repair(
     said: list[Diagnostic] = []
     trail = [StackNode(tables.start, "", 0, None)]
     while True:
-        _read(tables, tokens, trail)
+        read_on(tables, tokens, trail)
         at = len(trail) - 1
         if at == len(tokens.symbols):
             return said, True
@@ -72,7 +72,7 @@ def _take_as_name(tokens: Tokens, word: str, start: int) -> None:
             tokens.splice(at, 1, ("IDENT",), word)
 
 
-def _read(tables: Tables, tokens: Tokens, trail: list[StackNode]) -> None:
+def read_on(tables: Tables, tokens: Tokens, trail: list[StackNode]) -> None:
     """Read on from the end of the trail as far as possible."""
     symbols = tokens.symbols
     for token in range(len(trail) - 1, len(symbols)):

@@ -115,7 +115,7 @@ class Trouble:
     def gap(self, token: int | None = None) -> Span:
         """The place right after the token before (the wrong one by default), where something is missing."""
         token = self.at if token is None else token
-        end = self.tokens.ends[token - 1] if token else 0
+        end = self.tokens.ends[token - 1] if token else self.tokens.starts[0]
         return Span(self.source, end, end)
 
     def stack(self, token: int | None = None) -> Iterator[StackNode]:

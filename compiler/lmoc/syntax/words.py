@@ -67,8 +67,8 @@ def found(trouble: Trouble, token: int | None = None) -> str:
     """A token (the wrong one by default) in words."""
     token = trouble.at if token is None else token
     symbol, text = trouble.tokens.symbols[token], trouble.tokens.texts[token]
-    if symbol == END_OF_TEXT:
-        return _NAMES[symbol]
+    if symbol == END_OF_TEXT:  # or that of the part that is read
+        return _NAMES[symbol] if trouble.tokens.ends[token] == len(trouble.source.text) else "the next class"
     if symbol == "STRING":
         return "a string"
     if symbol == "IDENT":
