@@ -22,7 +22,8 @@ FACTS = """
   const value = (name) => Number(row(name).cells[1].textContent);
   const difference = Number($("repeat").dataset.difference);
   const requests = performance.getEntriesByType("resource").map((e) => e.name);
-  const paths = () => [...document.querySelectorAll("#stage path")].map((p) => p.getAttribute("d")).join();
+  const written = (e) => e.getAttribute("d") ?? e.getAttribute("points");
+  const paths = () => [...document.querySelectorAll("#stage .line")].map(written).join();
 """
 
 
@@ -186,7 +187,7 @@ DRAG = """
 def test_what_is_dragged_is_where_the_run_begins_and_python_gives_the_same(suspension):
     dae, html = suspension
     seen = open_page(html, FACTS + DRAG + """
-      const gone = await drag("#stage .mass path", 0, -24);
+      const gone = await drag("#stage .mass .line", 0, -24);
       const begun = init();
       $("time").value = "1"; $("time").dispatchEvent(new Event("input"));
       const field = document.querySelector(".starts .moved input").value;
@@ -204,9 +205,9 @@ def test_constraints_hold_while_a_mechanism_is_dragged():
     """The crank of a four-bar is taken along: the loop stays closed, and what is pulled out of reach stays in reach."""
     dae = compiled(MODELS / "hard" / "h03_four_bar.lmo")
     seen = open_page(dae.simulate(points=50).view().html, FACTS + DRAG + """
-      const gone = await drag("#stage .link path", 12, 9, [0.9, 0.2]);
+      const gone = await drag("#stage .link .line", 12, 9, [0.9, 0.2]);
       const begun = init();
-      await drag("#stage .link path", 4000, 0, [0.9, 0.2]);
+      await drag("#stage .link .line", 4000, 0, [0.9, 0.2]);
       return { gone, init: begun, far: init(), trouble: $("trouble").textContent };
     """)  # fmt: skip
     found = seen.answer
@@ -221,7 +222,7 @@ def test_constraints_hold_while_a_mechanism_is_dragged():
 def test_the_hand_pulls_while_the_scene_runs_and_the_address_gives_the_same_run(suspension):
     _, html = suspension
     seen = open_page(html, FACTS + DRAG + """
-      const svg = document.querySelector("#stage svg"), b = box("#stage .mass path");
+      const svg = document.querySelector("#stage svg"), b = box("#stage .mass .line");
       svg.setPointerCapture = () => {};
       const send = (type, k) => svg.dispatchEvent(new PointerEvent(type, {
         bubbles: true, clientX: b.left + 9, clientY: b.top + 9 - k, button: 0, buttons: 1, pointerId: 1 }));
@@ -272,9 +273,9 @@ def test_a_mass_on_a_string_is_dragged_no_farther_than_the_string_is_long():
       annotation(experiment(StopTime = 3));
     end M;""")
     seen = open_page(dae.simulate().view().html, FACTS + DRAG + """
-      await drag("#stage .mass path", 900, 0);
+      await drag("#stage .mass .line", 900, 0);
       const far = init();
-      await drag("#stage .mass path", -30, 0);
+      await drag("#stage .mass .line", -30, 0);
       return { far, back: init(), trouble: $("trouble").textContent };
     """)  # fmt: skip
     found = seen.answer
@@ -287,9 +288,9 @@ def test_a_cam_that_is_turned_lifts_its_follower_and_what_cannot_move_is_told():
     """The follower is pushed along a curve, and stays up where the cam turns back; what is prescribed stays so."""
     dae = compiled(MODELS / "textbook" / "valve_train.lmo")
     seen = open_page(dae.simulate().view().html, FACTS + DRAG + """
-      await drag("#stage .cam path", 40, 12, [0.5, 0.95]);
+      await drag("#stage .cam .line", 40, 12, [0.5, 0.95]);
       const begun = init(), trouble = $("trouble").textContent;
-      const svg = document.querySelector("#stage svg"), b = box("#stage .cam path");
+      const svg = document.querySelector("#stage svg"), b = box("#stage .cam .line");
       const send = (type, k) => svg.dispatchEvent(new PointerEvent(type, {
         bubbles: true, clientX: b.left + 9, clientY: b.top + b.height / 2 - k, button: 0, buttons: 1, pointerId: 1 }));
       $("play").click();
@@ -307,6 +308,40 @@ def test_a_cam_that_is_turned_lifts_its_follower_and_what_cannot_move_is_told():
     assert -1e-11 < run["gap"][0] < 1e-4
 
 
+def test_one_of_many_parts_that_are_drawn_together_is_found():
+    text = """
+    model M
+      inner Planar.World world(g = 9.81);
+      Planar.Anchor nail[5](x = {k for k in 1:5});
+      Planar.PointMass ball[5](each m = 1, x(start = {k for k in 1:5}, each fixed = true),
+        y(each start = -1, each fixed = true));
+      Planar.Spring spring[5](each k = 30, each d0 = 1);
+    equation
+      for k in 1:5 loop connect(nail[k].point, spring[k].a); connect(spring[k].b, ball[k].point); end for;
+      annotation(experiment(StopTime = 1));
+    end M;
+    """
+    seen = open_page(lmoc.compile_text(text).simulate(points=20).view().html, FACTS + """
+      const svg = document.querySelector("#stage svg"), springs = () => document.querySelectorAll("#stage .spring");
+      svg.setPointerCapture = () => {};
+      const told = [springs().length];
+      for (const k of [2, 4, 4]) {
+        const ball = document.querySelectorAll("#stage .particle circle")[k - 1].getBoundingClientRect();
+        const place = { clientX: ball.left + ball.width / 2, clientY: ball.top - 20 };
+        const press = { bubbles: true, button: 0, pointerId: 1, ...place };
+        for (const type of ["pointerdown", "pointerup"]) svg.dispatchEvent(new PointerEvent(type, press));
+        const chosen = [...document.querySelectorAll("#stage .spring.chosen title")].map((t) => t.textContent);
+        const drawn = [...document.querySelectorAll("#stage .spring .line")].map(written).every(Boolean);
+        told.push([$("part").value, chosen, springs().length, drawn]);
+      }
+      return told;
+    """)  # fmt: skip
+    assert seen.console == []
+    assert seen.answer == [
+        1, ["spring[2]", ["spring[2]"], 5, True], ["spring[4]", ["spring[4]"], 5, True], ["", [], 1, True],
+    ]  # fmt: skip
+
+
 def test_events_are_walked_through_and_a_part_shows_its_equation():
     run = compiled(MODELS / "laws" / "h06_bungee.lmo").simulate()
     seen = open_page(run.view().html, FACTS + """
@@ -317,7 +352,7 @@ def test_events_are_walked_through_and_a_part_shows_its_equation():
       }
       $("before").click();
       const back = Number($("time").value);
-      const { left, top, width, height } = document.querySelector("#stage .spring path").getBoundingClientRect();
+      const { left, top, width, height } = document.querySelector("#stage .spring .line").getBoundingClientRect();
       const at = { bubbles: true, clientX: left + width / 2, clientY: top + height / 2, button: 0, pointerId: 1 };
       const svg = document.querySelector("#stage svg");
       svg.setPointerCapture = () => {};
@@ -540,7 +575,7 @@ def test_the_end_of_a_rope_stays_on_the_mass_that_it_is_tied_to():
       for (let k = 0; k <= 30; k++) {
         $("time").value = String(k / 10);
         $("time").dispatchEvent(new Event("input"));
-        const mass = document.querySelector("#stage .mass path").getBoundingClientRect();
+        const mass = document.querySelector("#stage .mass .line").getBoundingClientRect();
         const ropes = [...document.querySelectorAll("#stage .string path")].map((p) => p.getBoundingClientRect().left);
         apart.push(Math.min(...ropes) - mass.right);
       }

@@ -3,6 +3,7 @@
 import { revived } from "./answer.js";
 import { $ } from "./dom.js";
 import { gripAt } from "./grip.js";
+import { canBeTaken } from "./motion.js";
 
 export class Drag {
   constructor(page) {
@@ -25,7 +26,7 @@ export class Drag {
     const { names, references, extremes } = motion;
     this.held = { item: k, vertex, motion: { names, references, extremes } };
     this.before = JSON.stringify(init);
-    stage.parts[k].group.classList.add("held");
+    stage.partOf.get(item).group.classList.add("held");
     if (pulls) this.grab(place);
     return true;
   }
@@ -64,7 +65,7 @@ export class Drag {
   async drop() {
     const { pulling, held, page } = this;
     const part = page.data.picture.items[held.item].part || "this";
-    page.stage.parts[held.item].group.classList.remove("held");
+    page.stage.partOf.get(page.data.picture.items[held.item]).group.classList.remove("held");
     this.held = null;
     if (pulling === null) {
       await page.simulate();
@@ -82,11 +83,6 @@ export class Drag {
     if (!gives) sayHeld(`${part} does not give way to a pull: the scene holds it, or prescribes how it moves.`);
     page.findAccuracy(page.request());
   }
-}
-
-/** Whether an item goes or turns with the motion. */
-export function canBeTaken(item) {
-  return item.ends.some((end) => end.moves.length) || item.turn.variable !== "" || Boolean(item.variables.angle);
 }
 
 /** Say why nothing has happened, where nothing else is to be said. */

@@ -6,7 +6,7 @@ import { givenAnswer, revived } from "./answer.js";
 import { Card } from "./card.js";
 import { Chooser, format, Sliders, Starts } from "./controls.js";
 import { $, putText } from "./dom.js";
-import { canBeTaken, Drag } from "./drag.js";
+import { Drag } from "./drag.js";
 import { Engine } from "./engine.js";
 import { eventText, modesText, showEvents } from "./events.js";
 import { Forces } from "./forces.js";
@@ -14,7 +14,7 @@ import { listenToFrame, tellFrame } from "./frame.js";
 import { listenToHand } from "./hand.js";
 import { inflatedText } from "./inflate.js";
 import { ModeMotion } from "./modes.js";
-import { extremesOf, Motion, movers } from "./motion.js";
+import { canBeTaken, extremesOf, Motion, movers } from "./motion.js";
 import { Stage } from "./picture.js";
 import { PhasePlot } from "./phase.js";
 import { Player } from "./player.js";
@@ -87,7 +87,7 @@ class Page {
     this.starts.put(this.init, (name) => this.given.of(name)[0]);
     if (script.held.length) $("held").textContent = `Sliders do not change the start of ${script.held.join(", ")} in this page.`;
     $("parameters").hidden = false;
-    for (const { item, group } of this.stage?.parts ?? []) group.classList.toggle("takes", canBeTaken(item));
+    this.stage?.letTake(true);
     this.repeated = this.repeat(engine);
     await this.putRuns(state);
     if (!(await this.repeated)) return;
@@ -101,7 +101,7 @@ class Page {
     this.engine = null;
     document.body.removeAttribute("data-busy");
     $("parameters").hidden = true;
-    for (const { group } of this.stage?.parts ?? []) group.classList.remove("takes");
+    this.stage?.letTake(false);
     $("hint").textContent = `The sliders are missing: ${reason}.`;
   }
 

@@ -17,6 +17,11 @@ export function movers(picture) {
   return [...names];
 }
 
+/** Whether an item goes or turns with the motion. */
+export function canBeTaken(item) {
+  return item.ends.some((end) => end.moves.length) || item.turn.variable !== "" || Boolean(item.variables.angle);
+}
+
 /** Where a vertex (f, x, y) of an item's frame is. */
 export function place(frame, [f, x, y]) {
   const along = f * frame.length + x;

@@ -1,6 +1,7 @@
 // The moving picture: SVG made from the description of the compiler, its items placed for the values of variables.
 
-import { place } from "./motion.js";
+import { putText } from "./dom.js";
+import { canBeTaken, place } from "./motion.js";
 import { hasRim, Rim } from "./rim.js";
 import { hasSlack, sagging } from "./sag.js";
 
@@ -11,6 +12,7 @@ const LARGEST = 2.4; // screen px of a px of the picture
 const LARGER = 1.8; // most by which texts are enlarged in a picture that needs more room
 const REACHES = [0, 5, 10, 16]; // px around a finger, where items are looked for
 const FARTHEST = 3; // of the picture: how far it is extended for what moves
+const TOGETHER = [4, 16]; // items that one element draws, at least and at most
 
 export function svgElement(name, attributes = {}) {
   const element = document.createElementNS(SVG, name);
@@ -40,22 +42,53 @@ export class Stage {
     this.ghost = svgElement("g", { class: "ghost", "aria-hidden": "true" });
     this.arrows = svgElement("g", { class: "arrows", "aria-hidden": "true" });
     this.hand = svgElement("path", { class: "line force hand", "stroke-width": 2, "stroke-dasharray": "5 3" });
-    const front = svgElement("g");
-    this.svg.append(this.ghost, front, this.arrows, this.hand);
-    this.parts = picture.items.map((item, k) => this.made(item, k, front));
-    this.ghosts = [];
+    this.front = svgElement("g");
+    this.svg.append(this.ghost, this.front, this.arrows, this.hand);
+    Object.assign(this, { chosen: "", takes: false, shown: null, enlarged: 1, ghosts: [] });
+    this.make();
     host.append(this.svg);
   }
 
-  made(item, k, host) {
+  /** Make the elements of all items; those of the part that is chosen stand alone. */
+  make() {
+    this.front.replaceChildren();
+    this.parts = together(this.picture.items, this.chosen).map((items) => this.made(items, this.front));
+    this.partOf = new Map(this.parts.flatMap((part) => part.items.map((item) => [item, part])));
+    for (const { items, group } of this.parts) group.classList.toggle("chosen", this.chosen !== "" && items[0].part === this.chosen);
+    this.letTake(this.takes);
+    this.enlargeTexts(this.enlarged);
+  }
+
+  made(items, host) {
+    const [item] = items;
     const group = svgElement("g", { class: `item ${/^[\w-]+$/.test(item.symbol) ? item.symbol : ""}` });
-    group.dataset.item = String(k);
-    if (item.part) group.append(Object.assign(svgElement("title"), { textContent: item.part }));
-    const pieces = piecesOf(item).map((shapes) => ({ shapes, element: shapeElement(shapes[0]), written: {} }));
+    const title = Object.assign(svgElement("title"), { textContent: item.part });
+    if (item.part) group.append(title);
+    const all = items.map(piecesOf);
+    const pieces = all[0].map((_, j) => pieceOf(item, all.map((own) => own[j])));
     group.append(...pieces.map(({ element }) => element));
     host.append(group);
     const rim = hasRim(item) ? new Rim(item, group, svgElement) : null;
-    return { item, group, pieces, rim, at: [] };
+    const part = { items, group, pieces, rim, at: items.map(() => []) };
+    if (items.length > 1) group.addEventListener("pointermove", ({ clientX, clientY }) => putText(title, this.nearest(part, clientX, clientY).part));
+    return part;
+  }
+
+  /** Say with the pointer whether what moves can be taken by the hand. */
+  letTake(takes) {
+    this.takes = takes;
+    for (const { items, group } of this.parts) group.classList.toggle("takes", takes && canBeTaken(items[0]));
+  }
+
+  /** The item of a part that is nearest to a place on the screen. */
+  nearest({ items, at }, x, y) {
+    if (items.length === 1) return items[0];
+    const [px, py] = this.inside()(x, y);
+    const distances = at.map(([x0, y0, length, cos, sin]) => {
+      const along = Math.min(Math.max((px - x0) * cos + (py - y0) * sin, 0), length);
+      return Math.hypot(x0 + along * cos - px, y0 + along * sin - py);
+    });
+    return items[distances.indexOf(Math.min(...distances))];
   }
 
   /** The number of the item under a place on the screen, or beside it; -1 where there is none. `wanted(item)` says which count. */
@@ -64,7 +97,9 @@ export class Stage {
       for (let k = 0; k < (radius ? 8 : 1); k++) {
         const [dx, dy] = [radius * Math.cos((k * Math.PI) / 4), radius * Math.sin((k * Math.PI) / 4)];
         const group = document.elementFromPoint(x + dx, y + dy)?.closest?.("#stage .item");
-        if (group && wanted(this.picture.items[group.dataset.item])) return Number(group.dataset.item);
+        const part = group && this.parts.find((own) => own.group === group);
+        const item = part && this.nearest(part, x + dx, y + dy);
+        if (item && wanted(item)) return this.picture.items.indexOf(item);
       }
     }
     return -1;
@@ -81,7 +116,10 @@ export class Stage {
 
   /** Mark the items of a part; "" for none. */
   choose(part) {
-    for (const { item, group } of this.parts) group.classList.toggle("chosen", part !== "" && item.part === part);
+    if (part === this.chosen) return;
+    this.chosen = part;
+    this.make();
+    if (this.shown !== null) showParts(this.parts, ...this.shown);
   }
 
   /** Leave room for a motion: `values(k)` are those of the variables at the k-th of `count` instants; `pulling` are items with arrows. */
@@ -107,15 +145,17 @@ export class Stage {
 
   /** Keep the texts of a picture legible that has been made smaller by a factor. */
   enlargeTexts(factor) {
-    for (const { element, shapes } of this.parts.flatMap(({ pieces }) => pieces)) {
-      if (shapes[0].kind === "label") element.setAttribute("font-size", String(shapes[0].size * factor));
+    this.enlarged = factor;
+    for (const { element, shapes: [[shape]] } of this.parts.flatMap(({ pieces }) => pieces)) {
+      if (shape.kind === "label") element.setAttribute("font-size", String(shape.size * factor));
     }
   }
 
   /** Place everything for the values of the variables of a motion, and of another one; null where there is none. */
   show(motion, values, other = null) {
+    this.shown = [motion, values];
     showParts(this.parts, motion, values);
-    if (other !== null && this.ghosts.length === 0) this.ghosts = this.picture.items.map((item, k) => this.made(item, k, this.ghost));
+    if (other !== null && this.ghosts.length === 0) this.ghosts = together(this.picture.items, "").map((items) => this.made(items, this.ghost));
     this.ghost.style.display = other === null ? "none" : "";
     if (other !== null) showParts(this.ghosts, motion, other);
   }
@@ -158,19 +198,30 @@ function direction(item, force) {
 /** Draw what is not where it was: each attribute that is written costs style, layout and paint. */
 function showParts(parts, motion, values) {
   for (const part of parts) {
-    const { item, pieces, rim } = part;
-    const frame = motion.frame(item, values);
-    const angle = rim === null ? 0 : motion.value(item.variables.angle, values);
-    const slack = hasSlack(item) && item.ends.length === 2 ? motion.slack(item, values) : 0;
-    const at = [frame.x, frame.y, frame.length, frame.cos, frame.sin, angle, slack];
-    if (at.every((v, k) => Object.is(v, part.at[k]))) continue;
-    part.at = at;
-    rim?.show(angle, (vertex) => place(frame, vertex));
-    for (const piece of pieces) placePiece(piece, frame);
-    const curve = slack === 0 ? "" : sagging(frame, slack);
-    if (curve !== "") putAttribute(pieces[0], "d", curve);
+    let moved = false;
+    part.items.forEach((item, i) => (moved = placeItem(part, i, motion, values) || moved));
+    if (moved) for (const piece of part.pieces) if (piece.texts.length) putAttribute(piece, piece.attribute, piece.texts.join(""));
   }
 }
+
+/** Place an item of a part; whether it has moved. */
+function placeItem({ items, pieces, rim, at }, i, motion, values) {
+  const item = items[i];
+  const frame = motion.frame(item, values);
+  const angle = rim === null ? 0 : motion.value(item.variables.angle, values);
+  const slack = hasSlack(item) && item.ends.length === 2 ? motion.slack(item, values) : 0;
+  const now = [frame.x, frame.y, frame.length, frame.cos, frame.sin, angle, slack];
+  if (now.every((v, k) => Object.is(v, at[i][k]))) return false;
+  at[i] = now;
+  rim?.show(angle, (vertex) => place(frame, vertex));
+  for (const piece of pieces) placePiece(piece, i, frame);
+  const curve = slack === 0 ? "" : sagging(frame, slack);
+  if (curve !== "") pieces[0].texts[i] = curve;
+  return true;
+}
+
+/** A length in the picture, to a hundredth of a pixel. */
+const short = (v) => Math.round(v * 100) / 100;
 
 function putAttribute({ element, written }, name, value) {
   if (written[name] === value) return;
@@ -178,14 +229,17 @@ function putAttribute({ element, written }, name, value) {
   element.setAttribute(name, value);
 }
 
-/** The shapes of an item, those together that one element draws: lines next to each other that look alike. */
+/** The shapes of an item, those together that one element draws: lines that look alike, with nothing but lines between them. */
 function piecesOf(item) {
   const found = [];
+  let open = []; // since the last area
   for (const shape of item.shapes) {
     const own = hasSlack(item) || shape.kind !== "path" || shape.fill ? null : [shape.colour, shape.width, ...shape.dash].join();
-    const last = found.at(-1);
-    if (own !== null && last?.own === own) last.shapes.push(shape);
+    const alike = own === null ? undefined : open.find((piece) => piece.own === own);
+    if (own === null) open = [];
+    if (alike !== undefined) alike.shapes.push(shape);
     else found.push({ own, shapes: [shape] });
+    if (own !== null && alike === undefined) open.push(found.at(-1));
   }
   return found.map(({ shapes }) => shapes);
 }
@@ -211,15 +265,42 @@ function reach(box, [x, y]) {
   box[3] = Math.max(box[3], y + EDGE);
 }
 
-function shapeElement(shape) {
-  const made = plainElement(shape);
+/** What one element draws of items: `shapes` of each. A `path` is styled anew where it changes: what is one line or area is none. */
+function pieceOf(item, shapes) {
+  const [[shape, ...others]] = shapes;
+  const single = shapes.length === 1 && others.length === 0 && !hasSlack(item);
+  const line = single ? (shape.closed ? "polygon" : "polyline") : "path";
+  const element = shapeElement(shape, shape.kind === "path" ? line : shape.kind);
+  return { shapes, element, attribute: single ? "points" : "d", texts: [], written: {} };
+}
+
+/** The items of a picture in its order, many of them together that are alike and have one behind the other: one element draws them. */
+function together(items, alone) {
+  const found = [];
+  for (const item of items) {
+    const own = item.part === alone ? null : lookOf(item);
+    const last = found.at(-1);
+    if (own !== null && last?.own === own && last.items.length < TOGETHER[1]) last.items.push(item);
+    else found.push({ own, items: [item] });
+  }
+  return found.flatMap((one) => (one.items.length < TOGETHER[0] ? one.items.map((item) => [item]) : [one.items]));
+}
+
+/** What items have in common that one element can draw: nothing but lines between two ends. */
+function lookOf(item) {
+  if (item.ends.length < 2 || hasSlack(item) || item.shapes.some(({ kind, fill }) => kind !== "path" || fill)) return null;
+  return [item.symbol, canBeTaken(item), ...item.shapes.flatMap(({ colour, width, dash }) => [colour, width, ...dash])].join();
+}
+
+function shapeElement(shape, name) {
+  const made = plainElement(shape, name);
   const [line, area] = shape.kind === "label" ? ["fill", ""] : ["stroke", "fill"];
   if (isGiven(shape.colour)) made.style[line] = shape.colour;
   if (area && isGiven(shape.fill)) made.style[area] = shape.fill;
   return made;
 }
 
-function plainElement(shape) {
+function plainElement(shape, name) {
   const named = (colour, prefix) => (colour && !isGiven(colour) ? ` ${prefix}${colour}` : "");
   const style = { class: `line${named(shape.colour, "")}${named(shape.fill, "fill-")}` };
   if (shape.kind === "label") {
@@ -236,7 +317,7 @@ function plainElement(shape) {
   }
   style["stroke-width"] = shape.width;
   if (shape.dash.length) style["stroke-dasharray"] = shape.dash.join(" ");
-  return svgElement(shape.kind === "circle" ? "circle" : "path", { ...style, ...(shape.radius ? { r: shape.radius } : {}) });
+  return svgElement(name, { ...style, ...(shape.radius ? { r: shape.radius } : {}) });
 }
 
 /** Lower and raise the pieces of a text: `dy` counts from the piece before. */
@@ -250,28 +331,30 @@ function shiftLevels(text, size) {
   }
 }
 
-function placePiece(piece, frame) {
-  const [shape] = piece.shapes;
+function placePiece(piece, i, frame) {
+  const [shape] = piece.shapes[i];
   if (shape.kind === "path") {
-    putAttribute(piece, "d", piece.shapes.map((own) => outlineOf(own, frame)).join(""));
+    const points = piece.shapes[i].map((own) => [pointsOf(own, frame), own.closed]);
+    piece.texts[i] = piece.attribute === "points" ? points[0][0] : points.map(([text, closed]) => `M${text}${closed ? "Z" : ""}`).join("");
     return;
   }
   const [x, y] = place(frame, shape.kind === "circle" ? shape.centre : shape.at);
   if (shape.kind === "label") {
-    putAttribute(piece, "transform", `translate(${x.toFixed(2)} ${(y + 0.35 * shape.size).toFixed(2)})`);
+    putAttribute(piece, "transform", `translate(${short(x)} ${short(y + 0.35 * shape.size)})`);
     return;
   }
-  putAttribute(piece, "cx", x.toFixed(2));
-  putAttribute(piece, "cy", y.toFixed(2));
+  putAttribute(piece, "cx", short(x));
+  putAttribute(piece, "cy", short(y));
 }
 
-/** The path of a shape. */
-function outlineOf({ vertices, closed }, frame) {
-  const points = vertices.map((vertex) => {
-    const [x, y] = place(frame, vertex);
-    return `${x.toFixed(2)} ${y.toFixed(2)}`;
-  });
-  return `M${points.join("L")}${closed ? "Z" : ""}`;
+/** The corners of a line or an area. */
+function pointsOf({ vertices }, { x, y, length, cos, sin }) {
+  let points = "";
+  for (const [f, a, b] of vertices) {
+    const along = f * length + a;
+    points += `${short(x + along * cos - b * sin)} ${short(y + along * sin + b * cos)} `;
+  }
+  return points;
 }
 
 /** The path of an arrow. */
