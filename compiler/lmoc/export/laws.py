@@ -11,12 +11,11 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lmoc.ir.law import NONE
 from lmoc.ir.mode import law_names, law_rows
 from lmoc.ir.program import unfilled
 from lmoc.lower.tape import Tape
 from lmoc.numerics.laws.free_dynamics import FreeDynamics, free_dynamics
-from lmoc.numerics.laws.instant import ContactKinematics, LawTable
+from lmoc.numerics.laws.instant import ContactKinematics, LawTable, restitutions
 from lmoc.numerics.laws.reading import reading_registers
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
@@ -104,11 +103,10 @@ def law_tables(
     parameters = own.quantities.known_variables(plan)
     given = unfilled(own.program, wanted, plan.count)
     given = given[~np.isin(given, np.concatenate([inputs.ravel(), plan.held, plan.states]))]
-    restitution = [np.full(g.rows, NONE) if g.restitution is None else g.restitution for g in form.laws]
     texts = zip(*((name, g.closing, g.opening) for name, g in law_rows(reduced.flat, form.laws)), strict=True)
     return LawTables(
         kinematics.table, curved, linear[1], plan.held < 0, *tapes, given, (force_entry, state_entry),
-        quantity, parameters, np.concatenate(restitution), inputs, plan.held, reading_registers(kinematics),
+        quantity, parameters, restitutions(form), inputs, plan.held, reading_registers(kinematics),
         _noise(kinematics, *motion), law_names(reduced.flat, form.laws), tuple(texts),
     )  # fmt: skip
 

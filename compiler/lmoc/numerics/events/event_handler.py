@@ -68,16 +68,6 @@ class EventHandler:
         self.records: list[Event] = []
         self.next = np.inf
         self._crossings = Crossings(self.layout.zero_count, *span)
-        self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
-
-    def _ledger_row(self, name: str) -> int:
-        """Return the position of a ledger's variable among the states, or of its values among those seen; -1: none."""
-        found = self.layout.flat.find(name)
-        if found is None:
-            return -1
-        register = self.layout.plan.reduced.register_of[found[0]]
-        at = np.flatnonzero(self.layout.plan.states == register)
-        return int(at[0]) if len(at) else -1
 
     def adopt(self, plan: Plan, base: np.ndarray, t: float, x: np.ndarray) -> None:
         """Go on in other coordinates of the same model; parameters as of `HybridDynamics.adopt`."""
@@ -85,7 +75,6 @@ class EventHandler:
         self.discrete.adopt(self.layout, base)
         self.discrete.push()
         self.discrete.look(t, x)
-        self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
 
     def memory(self) -> HandlerMemory:
         """Return what decides about the next instant, for `recall`."""
@@ -107,7 +96,6 @@ class EventHandler:
         if layout is not self.layout:
             self.layout = layout
             self.discrete.adopt(layout, base)
-            self._work, self._lost = self._ledger_row("ledger.work"), self._ledger_row("ledger.heat")
         self.discrete.base[: len(base)] = base
         self.discrete.recall(discrete, values, change)
         self._crossings.recall(crossings)
@@ -305,16 +293,17 @@ class EventHandler:
 
     def _energy(self, t: float, x: np.ndarray, happened: Happened) -> float:
         """Book what energy the jump of states has cost as heat, what it has brought as work; return the loss."""
-        if happened.x is x or self._lost < 0 or self._work < 0:
-            return 0.0
         layout, discrete = self.layout, self.discrete
+        work, heat = layout.plan.accounts
+        if happened.x is x or work < 0:
+            return 0.0
         stored = layout.flat.find("ledger.stored")[0]
         if stored not in layout.seen:
             return 0.0
         before, after = (discrete.seen(t, one, stored) for one in (x, happened.x))
         lost = before - after
         if np.isfinite(lost):
-            happened.x[self._lost if lost > 0 else self._work] += abs(lost)
+            happened.x[heat if lost > 0 else work] += abs(lost)
             lost = max(lost, 0.0)
         return lost
 

@@ -84,18 +84,14 @@ class Stepping:
             self.records.append(Event(t, jump.name, STEP, f"{jump.before:.6g}", f"{jump.after:.6g}"))
         moved = jump.x.copy()
         if np.isfinite(jump.work):
-            moved[self._work] += jump.work
+            work, _ = self.plan.accounts
+            if work >= 0:
+                moved[work] += jump.work
         elif t < self.unbooked[0]:
             reason = f"the step of '{jump.name}' at t = {t:.6g} s makes a damper dissipate infinite power"
             self.unbooked = t, reason
             self.report.note("N0554", f"no energy ledger from then on: {reason}")
         return moved
-
-    @property
-    def _work(self) -> np.ndarray:
-        """(k,) the place of the sources' work among the states; empty where it is not integrated."""
-        found = self.plan.reduced.flat.find("ledger.work")
-        return np.flatnonzero(self.plan.states == (-1 if found is None else self.plan.reduced.register_of[found[0]]))
 
 
 def _times(plan: Plan, base: np.ndarray, signals: Mapping[int, Signal], span: tuple[float, float]) -> np.ndarray:

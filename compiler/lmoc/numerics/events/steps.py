@@ -68,10 +68,8 @@ class Steps:
         table = np.array(rows, int).reshape(-1, 4)
         self.lower, self.upper, self.origin, self.second = *table[:, :3].T, table[:, 3] > 0
         self.registers = np.unique(np.concatenate([self.lower[self.lower != NONE], self.origin]))
-        stored = plan.reduced.flat.find("ledger.stored")
-        register = -1 if stored is None else int(plan.reduced.register_of[stored[0]])
-        self.stored = register >= 0 and len(self.registers) > 0
-        wanted = np.append(self.registers, register) if self.stored else self.registers
+        self.stored = plan.stored >= 0 and len(self.registers) > 0
+        wanted = np.append(self.registers, plan.stored) if self.stored else self.registers
         self.readout = Readout(plan, plan.full_program, plan.count, wanted)
 
     @cached_property

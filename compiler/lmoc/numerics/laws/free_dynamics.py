@@ -113,8 +113,7 @@ class FreeDynamics:
         self.push = _inputs(self.plan, form.push)
         self.quantities = quantities_of(self.plan, form, switched.degree)
         registers = self.quantities.registers
-        stored = self.plan.reduced.flat.find("ledger.stored")
-        self.stored = -1 if stored is None else max(-1, int(self.plan.reduced.register_of[int(stored[0])]))
+        self.stored = self.plan.stored
         self.values = np.concatenate([registers[registers >= 0], np.full(int(self.stored >= 0), self.stored)])
         self.outputs = np.concatenate([registers[2], self.plan.derivatives])
         self.motions = registers[:2][registers[:2] >= 0]

@@ -148,7 +148,7 @@ class ContactKinematics:
         self._known_variables = own.known_variables(plan)
         self._opened: dict[bytes, Array] = {}
         self.force = plan.reduced.register_of[form.force]
-        self.table = _table(form, values)
+        self.table = law_table(form, values)
         self.scene = free_dynamics(plan, signals)
         self.stored = self.scene.stored >= 0
         self.noise = np.zeros(form.count)
@@ -262,7 +262,8 @@ class ContactKinematics:
         return np.concatenate([*rows, force.ravel(), slope.ravel(), stored])
 
 
-def _table(form: Switched, values: Array) -> LawTable:
+def law_table(form: Switched, values: Array) -> LawTable:
+    """Return the constants of laws, with parameters (flat.count,)."""
     kind = np.concatenate([np.full(g.rows, KINDS.index(g.kind)) for g in form.laws])
     by_force = {int(v): k for k, v in enumerate(form.force)}
     normal = [
@@ -272,5 +273,11 @@ def _table(form: Switched, values: Array) -> LawTable:
     return LawTable(kind, form.degree, _restitution(form, values), np.concatenate(normal))
 
 
+def restitutions(form: Switched) -> NDArray[np.int64]:
+    """Return the variables of Newton's coefficients, NONE of laws without."""
+    return np.concatenate([np.full(g.rows, NONE) if g.restitution is None else g.restitution for g in form.laws])
+
+
 def _restitution(form: Switched, values: Array) -> Array:
-    return np.concatenate([np.zeros(g.rows) if g.restitution is None else values[g.restitution] for g in form.laws])
+    own = restitutions(form)
+    return np.where(own == NONE, 0.0, values[own])

@@ -112,7 +112,7 @@ class LawRun:
 
     Parameters
     ----------
-    ledger : the states that are work and heat; None where there are none
+    ledger : the states that are work and heat; -1 where there are none
     moment : s, within which laws chatter
     """
 
@@ -136,12 +136,12 @@ class LawRun:
     undecided: Mask
     laws: Mask
 
-    def __init__(self, kinematics: ContactKinematics, ledger: tuple[int, int] | None, moment: float) -> None:
+    def __init__(self, kinematics: ContactKinematics, ledger: tuple[int, int], moment: float) -> None:
         self.kinematics, self.time = kinematics, 0.0
         self._answers = Answers(_NO_MEMORY)
         self.n, self.states = len(kinematics.table.kind), len(kinematics.plan.states)
         self.errors, self.unresolved = np.zeros((2, self.states))
-        self.data = self._laid_out(ledger or (-1, -1), moment)
+        self.data = self._laid_out(ledger, moment)
         self.reference = ctypes.byref(self.data)
         self._memory = np.zeros(library().lmoc_law_place(self.reference, None))
         library().lmoc_law_place(self.reference, self._memory.ctypes.data)

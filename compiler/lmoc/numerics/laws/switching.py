@@ -53,7 +53,7 @@ class LawSwitching:
         self.laws, self.parts = law_rows(plan.reduced.flat, self.kinematics.form.laws), plan.reduced.flat.parts
         self.reader = reader(self.kinematics)
         self.undecided: list[tuple[float, list[str]]] = []  # s, and the laws of impacts whose order would matter
-        self.ledger = _ledger(self.kinematics)
+        self.ledger = plan.accounts if self.kinematics.stored else (-1, -1)
         self.run = LawRun(self.kinematics, self.ledger, moment)
         self._mode: Mode = self.run.mode
         self._signals: tuple[Mode, dict[int, Signal]] | None = None
@@ -308,14 +308,3 @@ def all_open(form: Switched) -> dict[int, Signal]:
     """Return the values with which all laws are open and give no force, by flat variables."""
     held = form.modes
     return {int(v): Constant(0.0) for v in held}
-
-
-def _ledger(kinematics: ContactKinematics) -> tuple[int, int] | None:
-    """Return the components of work and heat among the states; None where they are not integrated."""
-    plan = kinematics.plan
-    flat, own = plan.reduced.flat, plan.reduced.registers.variable[plan.states]
-    named = [flat.find(f"ledger.{n}") for n in ("work", "heat")]
-    places = [np.flatnonzero((own == int(v[0])) & plan.ledger) for v in named if v is not None]
-    if not kinematics.stored or len(places) < 2 or not all(len(p) for p in places):
-        return None
-    return int(places[0][0]), int(places[1][0])

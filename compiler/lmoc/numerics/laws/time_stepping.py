@@ -107,7 +107,7 @@ class TimeStepping:
     kinematics : of the laws, all open
     forces : one for each law; they are filled on the way
     rows : name of the part and group of each law
-    ledger : components of work and heat among the states, None without
+    ledger : components of work and heat among the states, -1 without
 
     Attributes
     ----------
@@ -119,9 +119,9 @@ class TimeStepping:
         kinematics: ContactKinematics,
         forces: list[Recorded],
         rows: list[tuple[str, Laws]],
-        ledger: tuple[int, int] | None,
+        ledger: tuple[int, int],
     ) -> None:
-        self.kinematics, self.forces, self.rows, self.ledger = kinematics, forces, rows, ledger
+        self.kinematics, self.forces, self.rows, self.heat = kinematics, forces, rows, ledger[1]
         self.records: list[Event] = []
         self.side: Sides = np.full(len(rows), LOWER)
         self.now: Instant | None = None
@@ -182,8 +182,8 @@ class TimeStepping:
         x = self._corrected(now, end, free + effect @ impulse, jacobian @ now.response, reached)
         gap, after = self.motions(end, x)
         lost = -0.5 * impulse * (state.rate + after)
-        if self.ledger is not None:
-            x[self.ledger[1]] += lost.sum()
+        if self.heat >= 0:
+            x[self.heat] += lost.sum()
         holds = np.abs(after) <= STILL * (np.abs(loose) + np.abs(state.rate)) + STILL * now.rate_scale
         closed = np.where(table.complementary, (impulse > 0.0) & holds, (side == FREE) & holds)
         for force, value in zip(self.forces, (impulse / h).tolist(), strict=True):
@@ -241,8 +241,8 @@ class TimeStepping:
     def _effect(self, now: Instant) -> Array:
         """Return the effect of the forces on the states' rates; their heat is entered from the impulses."""
         response = now.response.copy()
-        if self.ledger is not None:
-            response[self.ledger[1]] = 0.0
+        if self.heat >= 0:
+            response[self.heat] = 0.0
         return response
 
     def _is_constant(self, now: Instant) -> bool:

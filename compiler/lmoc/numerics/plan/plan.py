@@ -78,6 +78,19 @@ class Plan:
         return np.isin(self.reduced.registers.variable[self.states], variables)
 
     @cached_property
+    def accounts(self) -> tuple[int, int]:
+        """The components that are the work and the heat of the ledger; -1 where there is none."""
+        own = self.reduced.registers.variable[self.states]
+        at = [np.flatnonzero(self.ledger & np.isin(own, _variables(self.reduced, name))) for name in LEDGER]
+        return (int(at[0][0]), int(at[1][0])) if all(map(len, at)) else (-1, -1)
+
+    @cached_property
+    def stored(self) -> int:
+        """The register of the stored energy of the ledger; -1 where there is none."""
+        found = self.reduced.flat.find("ledger.stored")
+        return -1 if found is None else max(-1, int(self.reduced.register_of[found[0]]))
+
+    @cached_property
     def row_count(self) -> int:
         """Rows of all steps, as a measure of size."""
         return program_rows(self.program)

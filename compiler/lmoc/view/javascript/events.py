@@ -13,7 +13,6 @@ from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.events.tables import NONE, Condition, Memory, event_tables
 from lmoc.numerics.observe.observer import Observer
-from lmoc.view.javascript.laws import ledger_states
 from lmoc.view.javascript.programs import InstantTables, Programs
 from lmoc.view.javascript.registers import VariableRegisters
 
@@ -48,14 +47,12 @@ class _Events:
         self.zeros = places.add(self.layout.zero_count)
 
     def written(self) -> tuple[Programs, dict[str, Any], InstantTables]:
-        events, flat, plan = self.events, self.flat, self.plan
+        events, plan = self.events, self.plan
         conditions, news = self.told_conditions()
         tables = event_tables(self.layout, self.memory, conditions)
         initial, initial_data = self.initial()
         jumps = plan.once(Steps)
-        stored = flat.find("ledger.stored")
-        stored_register = -1 if stored is None else int(plan.reduced.register_of[stored[0]])
-        jumping = [*jumps.registers.tolist(), *([stored_register] if jumps.stored else [])]
+        jumping = [*jumps.registers.tolist(), *([plan.stored] if jumps.stored else [])]
         programs: Programs = {
             "look": self.looked(),
             "assign": tables.assign,
@@ -78,13 +75,9 @@ class _Events:
             "told": self.told(),
             "looksAtTime": self.layout.looks_at_time,
         }
-        ledger = ledger_states(plan)
-        single = (
-            self.single(events.terminal), stored_register if events.reinits else -1, ledger["work"], ledger["heat"],
-            stored_register if jumps.stored else -1,
-        )  # fmt: skip
-        seen = [plan.reduced.register_of[r.target] for r in events.reinits]
-        seen = np.concatenate([NONE, *seen])
+        stored = plan.stored if events.reinits else -1, *plan.accounts, plan.stored if jumps.stored else -1
+        single = self.single(events.terminal), *stored
+        seen = np.concatenate([NONE, *(plan.reduced.register_of[r.target] for r in events.reinits)])
         return programs, data, InstantTables(self.zeros, seen, single, jumps.registers, jumps.moving, tables.columns)
 
     def single(self, variable: int) -> int:

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from lmoc.ir.flat import Kind
-from lmoc.ir.law import COMPLEMENTARY, NONE, LawKind, Switched
+from lmoc.ir.law import NONE
 from lmoc.ir.mode import law_names, law_rows, mode_word
 from lmoc.ir.program import Program, needed_steps
 from lmoc.numerics.laws.free_dynamics import FreeDynamics, free_dynamics, quantities_of
+from lmoc.numerics.laws.instant import law_table, restitutions
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal
 from lmoc.numerics.solve.jacobian import Jacobian
@@ -45,7 +46,7 @@ class LawTables:
 
 
 def write_laws(
-    plan: Plan, signals: Mapping[int, Signal], places: VariableRegisters
+    plan: Plan, values: np.ndarray, signals: Mapping[int, Signal], places: VariableRegisters
 ) -> tuple[dict[str, Program], dict[str, Any], LawTables]:
     """Return the program of what ends a mode, what `switching.js` reads, and what the engine does."""
     form, flat = plan.reduced.switched, plan.reduced.flat
@@ -66,26 +67,28 @@ def write_laws(
         "openWords": [mode_word(laws, False) for _, laws in rows],
     }
     programs = {"lawRoots": needed_steps(plan.full_program, _own(read, plan), plan.count)}
-    return programs, data, _tables(plan, signals, places, found, read)
+    return programs, data, _tables(plan, values, signals, places, found, read)
 
 
 def _tables(
-    plan: Plan, signals: Mapping[int, Signal], places: VariableRegisters, found: np.ndarray, read: np.ndarray
+    plan: Plan,
+    values: np.ndarray,
+    signals: Mapping[int, Signal],
+    places: VariableRegisters,
+    found: np.ndarray,
+    read: np.ndarray,
 ) -> LawTables:
     form = plan.reduced.switched
     assert form is not None
     own = FreeDynamics(plan, signals, own=False)
     limits = own.quantities.variables[4]
-    kinds = np.array([g.kind.value for g in form.laws for _ in range(g.rows)])
-    kind = plan.reduced.flat.kind
-    scene, ledger = free_dynamics(plan, signals), ledger_states(plan)
+    table, scene, kind = law_table(form, values), free_dynamics(plan, signals), plan.reduced.flat.kind
     return LawTables(
-        own.program, own.by_force, own.by_state, own.tables[:2], (own.stored, ledger["work"], ledger["heat"]),
+        own.program, own.by_force, own.by_state, own.tables[:2], (own.stored, *plan.accounts),
         (
-            form.degree, np.array(_normal(form)), kinds == LawKind.UNILATERAL.value,
-            np.isin(kinds, [k.value for k in COMPLEMENTARY]), kinds == LawKind.DRY_FRICTION.value,
-            kinds == LawKind.CONTACT_FRICTION.value, scene.linear[1], scene.curved, plan.held < 0, plan.ledger,
-            (limits != NONE) & (kind[limits] <= Kind.PARAMETER), places.of_variables(_restitution(form)),
+            table.degree, table.normal, table.unilateral, table.complementary, table.dry, table.contact,
+            scene.linear[1], scene.curved, plan.held < 0, plan.ledger,
+            (limits != NONE) & (kind[limits] <= Kind.PARAMETER), places.of_variables(restitutions(form)),
             found, read, own.inputs, plan.held,
         ),
     )  # fmt: skip
@@ -94,26 +97,3 @@ def _tables(
 def _own(registers: np.ndarray, plan: Plan) -> np.ndarray:
     """Return those that are registers of the plan."""
     return registers[(registers >= 0) & (registers < plan.count)].astype(int)
-
-
-def ledger_states(plan: Plan) -> dict[str, int]:
-    """Return the components of work and heat among the states; -1 where one of them is not integrated."""
-    flat, own = plan.reduced.flat, plan.reduced.registers.variable[plan.states]
-    found = {}
-    for name in ("work", "heat"):
-        variable = flat.find(f"ledger.{name}")
-        at = np.zeros(0, int) if variable is None else np.flatnonzero((own == int(variable[0])) & plan.ledger)
-        found[name] = int(at[0]) if len(at) else -1
-    both = min(found.values()) >= 0
-    return found if both else dict.fromkeys(found, -1)
-
-
-def _restitution(form: Switched) -> np.ndarray:
-    nothing = [np.full(g.rows, NONE) if g.restitution is None else g.restitution for g in form.laws]
-    return np.concatenate(nothing)
-
-
-def _normal(form: Switched) -> list[int]:
-    by_force = {int(v): k for k, v in enumerate(form.force)}
-    normals = [[NONE] * g.rows if g.normal is None else g.normal.tolist() for g in form.laws]
-    return [by_force.get(v, NONE) for group in normals for v in group]

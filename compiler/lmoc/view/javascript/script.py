@@ -234,7 +234,7 @@ class _Scene:
         programs: Programs = {}
         laws = events = instants = tables = None
         if self.plan.reduced.switched is not None:
-            own, laws, tables = write_laws(self.plan, self.observer.signals, self)
+            own, laws, tables = write_laws(self.plan, self.observer.values, self.observer.signals, self)
             programs |= own
         if self.flat.events is not None:
             others, events, instants = write_events(self.observer, self)
