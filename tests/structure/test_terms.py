@@ -155,6 +155,45 @@ def test_what_constraints_hold_is_told(law, warned):
     assert any(d.code == "W0417" for d in reduced.notes) == warned
 
 
+HELD = """
+model Held
+  connector Place
+    Real x(start = 0.8), y(start = 1.1);
+    flow Real fx, fy;
+  end Place;
+  model Crossing "two curves that cross"
+    Place place;
+    Real round, along;
+  equation
+    place.x^2 + place.y^2 = 2;
+    place.x - sin(place.y) = 0;
+    place.fx = 2*place.x*round + along;
+    place.fy = 2*place.y*round - along*cos(place.y);
+  end Crossing;
+  model Plate
+    Place place;
+    Real vx, vy;
+    Real w(start = 3);
+  equation
+    vx = der(place.x);
+    vy = der(place.y);
+    {der(vx), der(vy)} = {place.fx, place.fy};
+    TURN;
+  end Plate;
+  Crossing crossing;
+  Plate plate;
+equation
+  connect(crossing.place, plate.place);
+end Held;
+"""
+
+
+@pytest.mark.parametrize(("turn", "warned"), [("2*der(w) = -w", False), ("w = 0", True)])
+def test_a_body_that_is_held_in_a_point_and_turns_is_not_at_rest(turn, warned):
+    dae = lmoc.compile_text(HELD.replace("TURN", turn))
+    assert any(d.code == "W0417" for d in dae.reduced.notes) == warned
+
+
 def test_arms_at_different_places_contradict_each_other():
     parts, joined = (
         "Arm a(l = 1.5), b(l = 1.5); Rod r(L = 0.1);",

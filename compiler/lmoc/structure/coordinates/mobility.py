@@ -44,6 +44,7 @@ def immobile(selection: Selection) -> tuple[np.ndarray, np.ndarray]:
         new = distinct(reached[held[reached]])
     inertias = inertial(system, c)
     fixed = _of_resting_parts(system, np.flatnonzero(held & inertias), inertias & ~held)
+    fixed = fixed[~np.isin(fixed, _of_turning_bodies(system, c, ~held))]
     return (fixed, np.flatnonzero((match >= 0) & held[match])) if len(fixed) else nothing
 
 
@@ -54,6 +55,22 @@ def _of_resting_parts(system: EquationSystem, fixed: np.ndarray, mobile: np.ndar
     moving = np.unique(part[(column >= 0) & mobile[column]])
     own = part[system.variable[fixed]]
     result: np.ndarray = fixed[(own == 0) | ~np.isin(own, moving)]
+    return result
+
+
+def _of_turning_bodies(system: EquationSystem, c: np.ndarray, mobile: np.ndarray) -> np.ndarray:
+    """Return the columns whose inertia is that of a part in which another column changes.
+
+    A body in space that hangs in a point stays there and turns, with a velocity that is a state of its own; its place
+    bears the name of a frame of another part.
+    """
+    i, groups = system.incidence, system.flat.groups
+    part = np.zeros(system.flat.equation_count, np.int64)  # balances belong to none, as does what the model itself says
+    part[: sum(g.rows for g in groups)] = np.repeat([g.part for g in groups], [g.rows for g in groups])
+    own = (i.order >= 1) & (c[i.row] == 0)
+    part_of, column = part[system.source[i.row[own]]], i.column[own]
+    moving = distinct(part_of[mobile[column]])
+    result: np.ndarray = distinct(column[(i.order[own] >= 2) & (part_of > 0) & np.isin(part_of, moving)])
     return result
 
 
