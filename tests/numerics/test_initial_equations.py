@@ -286,6 +286,13 @@ def test_a_parameter_that_the_start_gives_as_a_formula_follows_others():
         assert run["p"][-1] == pytest.approx(dp, rel=1e-9) and run["k"][-1] == dp / 1e-4**2
 
 
+def test_the_start_of_a_parameter_that_is_found_is_a_guess():
+    """A guess that is not met contradicts nothing (W0533 before)."""
+    run = lmoc.compile_text("""model M parameter Real p(fixed = false, start = 1); Real x(start = 2, fixed = true);
+      initial equation der(x) = 0; equation der(x) = 4 - p*x; end M;""").simulate(stop=1)
+    assert run["p"] == pytest.approx(2) and run["x"] == pytest.approx(2) and not run.notes
+
+
 def test_start_rows_with_steep_slopes_are_met_as_well_as_rounding_allows():
     """Lags of 1e-12 s in steady state: 1e-16 of a state is 1e-4 of its rate."""
     text = """model Steep

@@ -140,7 +140,7 @@ class Assignments:
     slots: np.ndarray  # (n, columns) variable indices
     span: Span | None = None
     numbers: np.ndarray | None = None  # (n,) the right-hand sides where they are plain numbers; the shape is then NaN
-    of_class: bool = False  # a start that a type or a class of a package gives: the model says nothing of this variable
+    of_class: bool = False  # a start of a type or class of a package, or of a parameter that the start finds: a guess
     rank: int = 0  # of a start: 0 for what counts most where not all can be met
 
     def values(self, known: np.ndarray, time: float = np.nan) -> np.ndarray:

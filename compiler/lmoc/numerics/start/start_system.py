@@ -188,7 +188,7 @@ class StartSystem:
         return k < len(self.targets) and bool(self.targets.given[k])
 
     def of_class(self, k: int) -> bool:
-        """Return whether a package gives the value, as its type 288.15 K to every temperature."""
+        """Return whether it is but a guess: a package gives it, as 288.15 K to a temperature, or the start finds it."""
         if k >= len(self.targets) or self.targets.given[k]:
             return False
         variable = self.targets.variable[k]

@@ -195,7 +195,7 @@ class Assembler:
         result = []
         for d in drafts:
             target = np.atleast_1d(np.asarray(d.target, INDEX)) + d.variable.offset
-            given = not isinf(d.depth) and not self._is_of_package(d)
+            given = not isinf(d.depth) and not self._is_of_package(d) and not d.variable.from_start
             result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span, of_class=not given))
         return result
 
