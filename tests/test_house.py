@@ -6,6 +6,7 @@ Imports inside functions and those for types count as well.
 import ast
 import re
 from collections.abc import Collection
+from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
@@ -76,7 +77,10 @@ def imports_of(name: str) -> set[str]:
     return {f for f in found if f in FILES}
 
 
-GRAPH = {name: imports_of(name) for name in FILES}
+@cache
+def graph() -> dict[str, set[str]]:
+    """The imports of all files: read where a test asks, not in each process that collects the tests."""
+    return {name: imports_of(name) for name in FILES}
 
 
 def room(name: str) -> str:
@@ -114,7 +118,7 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
 def test_imports_come_from_before(place):
     here = [name for name in FILES if room(name + ".") == place]
     allowed = set(ORDER[: ORDER.index(place) + 1])
-    later = {name: {i for i in GRAPH[name] if room(i) not in allowed} for name in here}
+    later = {name: {i for i in graph()[name] if room(i) not in allowed} for name in here}
     assert here and not {name: found for name, found in later.items() if found}
 
 
@@ -129,7 +133,7 @@ def test_folders_of_a_room_import_those_before(place):
     later = {
         n: up
         for n in inside
-        if (up := {i for i in GRAPH[n] if i in inside and order.index(folder(i)) > order.index(folder(n))})
+        if (up := {i for i in graph()[n] if i in inside and order.index(folder(i)) > order.index(folder(n))})
     }
     assert inside and not later
 
@@ -141,8 +145,8 @@ def test_every_room_has_its_place_in_the_order():
 
 
 def test_no_files_import_each_other_in_a_circle():
-    assert [c for c in circles(GRAPH) if frozenset(c) not in KNOWN] == []
-    assert {frozenset(c) for c in circles(GRAPH)} >= KNOWN, "a circle is gone: take it from the list"
+    assert [c for c in circles(graph()) if frozenset(c) not in KNOWN] == []
+    assert {frozenset(c) for c in circles(graph())} >= KNOWN, "a circle is gone: take it from the list"
 
 
 CODE = re.compile(r"[EWN]\d{2,4}")
@@ -214,7 +218,7 @@ def test_there_is_one_way_to_values_of_a_program():
     casadi = {name for name, text in texts.items() if re.search(r"^\s*import casadi\b", text, re.M)}
     kernels = {name for name, text in texts.items() if re.search(r"\bKernel\(", text)}
     assert casadi <= CASADI and kernels <= KERNELS
-    assert {name for name in FILES if "lmoc.engine.compiler" in GRAPH[name]} == {"lmoc.engine.accelerator"}
+    assert {name for name in FILES if "lmoc.engine.compiler" in graph()[name]} == {"lmoc.engine.accelerator"}
 
 
 def test_pages_carry_the_engine_of_these_sources():

@@ -161,6 +161,13 @@ def _sources(fmi: int) -> dict[str, str]:
     return {f.name: f.read_text(encoding="utf-8") for f in files}
 
 
+def _apart(sources: dict[str, str], fmi: int) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the files that all versions of FMI share, and those with which the one of this version is compiled."""
+    own = f"fmi{fmi}.c"
+    shared = {name: text for name, text in sources.items() if name != own}
+    return shared, {name: text for name, text in sources.items() if name == own or name.endswith(".h")}
+
+
 def _pictures(drawing: Drawing, root: Path, fmi: int) -> None:
     folder = root / "terminalsAndIcons" if fmi == 3 else root
     folder.mkdir(exist_ok=True)
@@ -231,9 +238,14 @@ def _build(compiler: _Compiler, fmi: int, data: Path, target: Path) -> None:
 @lru_cache(maxsize=4)
 def _objects(compiler: _Compiler, fmi: int) -> dict[str, bytes]:
     """Return the engine, compiled: the same for all scenes, and so kept for the next process, too."""
-    sources = _sources(fmi)
-    made_from = repr((compiler, _version(compiler), OPTIONS, sources)).encode()
-    key = hashlib.sha256(made_from).digest()
+    version = _version(compiler)
+    shared, own = (_kept(compiler, version, sources) for sources in _apart(_sources(fmi), fmi))
+    return shared | own
+
+
+def _kept(compiler: _Compiler, version: str, sources: dict[str, str]) -> dict[str, bytes]:
+    """Return the objects of C files, from the cache where they are there."""
+    key = hashlib.sha256(repr((compiler, version, OPTIONS, sources)).encode()).digest()
     name = f"fmu-{key.hex()[:16]}"
     kept = cache.read(name, key)
     found: dict[str, bytes]
@@ -242,7 +254,7 @@ def _objects(compiler: _Compiler, fmi: int) -> dict[str, bytes]:
         return found
     found = _compiled(compiler, sources)
     cache.write(name, key, pickle.dumps(found))
-    cache.prune("fmu-", most=8)  # two versions of FMI for several systems
+    cache.prune("fmu-", most=12)  # the engine and two versions of FMI for several systems
     return found
 
 

@@ -13,7 +13,7 @@ from lmoc.ir.names import hint_for
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.messages.source import Source
 from lmoc.numerics.signals.delimited import sheet
-from lmoc.numerics.signals.table_files import read_table
+from lmoc.numerics.signals.table_files import read_tables
 from lmoc.support.records import dataclass
 
 _CODE = "E0668"
@@ -86,13 +86,10 @@ def _of_file(path: Path, outputs: Mapping[str, str] | None, flat: FlatDAE, unit:
         table = sheet(Source(str(path), path.read_text(encoding="utf-8-sig")))
         names = [] if table is None else [path_of(cell) for cell in table.header]
         outputs = _by_name([name for name in names if name.lower() != "time"], flat)
-    report, found = Report(), {}
-    for column, variable in outputs.items():
-        points = read_table(path, column, unit(variable), report)
-        if points is not None:
-            found[column] = (*_in_order(points.times, points.values), variable)
+    report = Report()
+    found = read_tables(path, {column: unit(variable) for column, variable in outputs.items()}, report)
     report.check()
-    return found
+    return {column: (*_in_order(p.times, p.values), outputs[column]) for column, p in found.items()}
 
 
 def path_of(cell: object) -> str:

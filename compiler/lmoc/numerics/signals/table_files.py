@@ -6,7 +6,7 @@ Nothing is guessed about a number: what could be read in two ways is an error.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,11 +81,22 @@ def read_table(path: Path, name: str, unit: str, report: Report) -> Points | Non
     None where that is not possible, with errors in the report: E0610 no such file, E0624 a file of another program,
     E0625 for what is wrong in it.
     """
-    reader = _Reader(f"the table {path}", name, unit, report)
-    try:
-        return _points(reader, Source(str(path), _text(reader, path)))
-    except _Refused:
-        return None
+    return read_tables(path, {name: unit}, report).get(name)
+
+
+def read_tables(path: Path, units: Mapping[str, str], report: Report) -> dict[str, Points]:
+    """Return for several names with their units what `read_table` does; the file is read once."""
+    found: dict[str, Points] = {}
+    table: Sheet | None = None
+    for name, unit in units.items():
+        reader = _Reader(f"the table {path}", name, unit, report)
+        try:
+            if table is None:
+                table = sheet(Source(str(path), _text(reader, path)))
+            found[name] = _points(reader, table)
+        except _Refused:
+            continue
+    return found
 
 
 def table_of_frame(frame: Any, name: str, unit: str, report: Report) -> Points | None:
@@ -121,8 +132,7 @@ def _text(reader: _Reader, path: Path) -> str:
         raise _Refused from None
 
 
-def _points(reader: _Reader, source: Source) -> Points:
-    table = sheet(source)
+def _points(reader: _Reader, table: Sheet | None) -> Points:
     if table is None:
         raise reader.refuse("", expected=_expected(reader), found="an empty file")
     columns = _columns(reader, [content(c) for c in table.header], table.header[0].to(table.header[-1]))

@@ -65,11 +65,11 @@ class Interpreter:
 
 
 def run_apply(step: Apply, w: np.ndarray, time: float | np.ndarray) -> None:
-    w[step.out] = evaluate_quietly(step.shape, lambda k, _: w[step.slots[:, k]], time)
+    w[step.out] = evaluate_quietly(step.shape, lambda k, _: w.take(step.slots[:, k], axis=0), time)
 
 
 def run_total(step: Total, w: np.ndarray) -> None:
-    w[step.out] = segment_sums(step.coefficient.reshape(-1, *[1] * (w.ndim - 1)) * w[step.index], step.start)
+    w[step.out] = segment_sums(step.coefficient.reshape(-1, *[1] * (w.ndim - 1)) * w.take(step.index, axis=0), step.start)
 
 
 def segment_sums(terms: np.ndarray, start: np.ndarray) -> np.ndarray:

@@ -40,7 +40,7 @@ def _multiply(stage: Product, v: np.ndarray, w: np.ndarray, time) -> None:
         n = len(step.out)
         factors = np.empty((len(stage.partials) * n, *tail))
         for k, (derivative, _) in enumerate(stage.partials):
-            factors[k * n : (k + 1) * n] = evaluate(derivative, lambda c, _: w[step.slots[:, c]], time)
+            factors[k * n : (k + 1) * n] = evaluate(derivative, lambda c, _: w.take(step.slots[:, c], axis=0), time)
     terms = factors[stage.which] * v[stage.source]
     v[stage.first : stage.stop] = terms if stage.single else np.add.reduceat(terms, stage.start, axis=0)
 

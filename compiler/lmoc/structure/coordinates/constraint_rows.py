@@ -131,7 +131,10 @@ class ConstraintRows:
         """Return residuals (…, count) and the Jacobian (…, count, n) at values (…, n)."""
         residual, entry = self.linearized(values)
         jacobian = np.zeros((*values.shape[:-1], self.count * len(self.jets)))
-        np.add.at(jacobian.T, self.row * len(self.jets) + self.column, entry.T)
+        place, first, more = self._dense_places
+        jacobian[..., place[first]] = entry[..., first]
+        if len(more):
+            np.add.at(jacobian.T, place[more], entry[..., more].T)
         return residual, jacobian.reshape(*values.shape[:-1], self.count, len(self.jets))
 
     def step(self, values: np.ndarray, weight: np.ndarray) -> np.ndarray:
@@ -143,6 +146,13 @@ class ConstraintRows:
         shape = self.count, len(self.jets)
         multiplier = multipliers((self.row, self.column, entry), shape, weight, -residual / size, DAMPING)
         return weight * np.bincount(self.column, entry * multiplier[self.row], len(self.jets))
+
+    @cached_property
+    def _dense_places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where each entry stands in the dense Jacobian, the entries that are the first there, and the others."""
+        place = self.row * len(self.jets) + self.column
+        first = np.sort(np.unique(place, return_index=True)[1])
+        return place, first, np.setdiff1d(np.arange(len(place)), first)
 
     @cached_property
     def _places(self) -> list[_Columns]:
@@ -167,26 +177,32 @@ class ConstraintRows:
 
     def _assembled(self, values: np.ndarray, entries: bool) -> tuple[np.ndarray, np.ndarray]:
         time, shape = self.sample.time, values.shape[:-1]
-        residual, found, first = np.zeros((*shape, self.count)), [np.zeros((*shape, 0))], 0
+        residual, first, at = np.zeros((*shape, self.count)), 0, 0
+        found = np.empty((*shape, len(self.row) if entries else 0))
         for (part, partials), places, known in zip(self._parts, self._places, self._known, strict=True):
             n = len(part.row)
 
             def column(k: int, order: int, places: _Columns = places, known: _Columns = known) -> np.ndarray:
                 place = places.get((k, order))
-                return known[k, order] if place is None else values[..., place]
+                return known[k, order] if place is None else values.take(place, axis=-1)
 
             value, *slopes = evaluate_together((part.shape, *(partials if entries else ())), column, time)
             residual[..., first : first + n] = value
-            found += [np.broadcast_to(np.asarray(slope, float), (*shape, n)) for slope in slopes]
+            for slope in slopes:
+                found[..., at : at + n] = slope
+                at += n
             first += n
         for own in self.initial:
             residual[..., first : first + own.rows], entry = own.linearized(self._value_of(values), time)
-            found.append(entry)
+            if entries:
+                found[..., at : at + entry.shape[-1]] = entry
+                at += entry.shape[-1]
             first += own.rows
         if len(self._sum_rows):
             np.add.at(residual.T, self._sum_rows, (self._coefficient * values[..., self._sum_column]).T)
-        found.append(np.broadcast_to(self._coefficient, (*shape, len(self._coefficient))))
-        return residual, np.concatenate(found, axis=-1) if entries else found[0]
+        if entries:
+            found[..., at:] = self._coefficient
+        return residual, found
 
     def _value_of(self, values: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """Return the function from jets, unknown here or not, to their values (…, jets)."""
