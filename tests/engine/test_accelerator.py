@@ -61,14 +61,14 @@ def test_all_functions(rows):
 
 
 def plan_of(scene: str) -> tuple[Plan, np.ndarray]:
-    dae = lmoc.compile(ROOT / f"models/{scene}.lmo", parameters={"N": 30} if scene.startswith("bench") else None)
+    dae = lmoc.compile(ROOT / f"models/{scene}.lmo", parameters={"N": 10} if scene.startswith("bench") else None)
     prepared, report = dae.prepare(), Report()
     signals = bind_signals(prepared.reduced.flat, None, report)
     plan = build_plan(prepared.reduced, signals, True, report)
     return plan, plan.base(prepared.values, signals)
 
 
-@pytest.mark.parametrize("scene", ["classic/andrews", "bench/lattice", "bench/network"])
+@pytest.mark.parametrize("scene", ["classic/slider_crank", "bench/lattice", "bench/network"])
 def test_scenes_and_their_derivatives(scene):
     plan, base = plan_of(scene)
     random, fillings = np.random.default_rng(5), []

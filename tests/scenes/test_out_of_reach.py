@@ -93,11 +93,12 @@ def test_a_line_that_is_too_far_away():
 
 
 def test_a_crank_that_is_fixed_where_the_others_do_not_reach():
-    """From the crank's end to the other foot the two others reach 1.2 m: up to 2·asin(0.6) from the ground."""
-    said = told(FOURBAR.format(angle=3, coupler=0.6))
-    assert "E0532 no way was found to close the loop of A with A.phi = 3" in said
+    """The rod of 0.8 m reaches a line 1 m below the crank's foot where the crank of 0.3 m hangs 0.2 m or lower."""
+    start = "A(phi(start = 0.7"
+    said = told(SLIDER.replace(start, f"{start}, fixed = true").format(aside=-1))
+    assert "E0532 no way was found to close the loop of A with A.phi = 0.7" in said
     nearest = float(said.split("closes with A.phi = ")[1].split(",")[0])
-    assert 2 * np.sin(abs(nearest) / 2) <= 1.2 + 1e-6
+    assert 0.3 * np.sin(nearest) <= -0.2 + 1e-6
 
 
 @pytest.mark.parametrize("verb", ["check", "linearize", "equilibria", "equations", "draw"])

@@ -210,7 +210,8 @@ def test_as_many_lanes_as_the_processor_likes_change_no_bit(monkeypatch, k, solv
     for many in (at_once(), Many.from_address(address("lmoc_four")), None):
         monkeypatch.setattr(taylor_system, "at_once", lambda many=many: many)
         dae = lmoc.compile_text(model) if isinstance(model, str) else lmoc.compile(model)
-        found.append(dae.ensemble({name: values}, stop=2.0, points=20, workers=1, solver=solver))
+        stop = 0.3 if model is TRIPLE else 2.0  # its matrices become singular all the time
+        found.append(dae.ensemble({name: values}, stop=stop, points=20, workers=1, solver=solver))
     for runs in found[1:]:
         assert all(np.array_equal(runs[kept], found[0][kept], equal_nan=True) for kept in runs.kept)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
@@ -24,6 +25,8 @@ _ASIDE = 1e-9  # of the time, by which an instant may be beside another and is s
 _GOLDEN = (5**0.5 - 1) / 2  # ratio of the shares by which quantities are changed at once
 _PLACES = 0.382, 0.7, 1.0  # of a segment, at which slopes are looked at until they are good …
 _CHANGES, _BENT = (1e-5, 1e-7), 1e-2  # … by such shares of the tangents; share of a slope by which it may bend
+# steps after which a segment is given up, and those in which the ledger is followed closely: more hold up the motion
+_STEPS, _CLOSELY = 5_000_000, 100_000
 _APART = 1e4  # tolerances by which the states may differ from those of the run
 
 
@@ -180,8 +183,11 @@ class Tangents:
         ledger = np.tile(self.plan.ledger, 1 + self.m)
         loose = np.where(ledger, np.max(atol), atol)
         methods = [m for m in self.methods if m != "taylor" or self.system.suits_series]
-        for method, tolerances in ((m, a) for m in methods for a in (atol, loose)):
-            problem = Problem(self.system, begin, y, end, times, self.rtol, tolerances, sink, breaks=breaks)
+        ways = ((atol, _CLOSELY), (loose, _STEPS)) if ledger.any() else ((atol, _STEPS),)
+        for method, (tolerances, most) in product(methods, ways):
+            problem = Problem(
+                self.system, begin, y, end, times, self.rtol, tolerances, sink, breaks=breaks, max_steps=most
+            )  # fmt: skip
             outcome, _ = choice.run(problem, method)
             if outcome.status in (Status.OK, Status.INTERRUPTED, Status.SPENT):
                 break

@@ -69,7 +69,8 @@ def run_apply(step: Apply, w: np.ndarray, time: float | np.ndarray) -> None:
 
 
 def run_total(step: Total, w: np.ndarray) -> None:
-    w[step.out] = segment_sums(step.coefficient.reshape(-1, *[1] * (w.ndim - 1)) * w.take(step.index, axis=0), step.start)
+    coefficient = step.coefficient.reshape(-1, *[1] * (w.ndim - 1))
+    w[step.out] = segment_sums(coefficient * w.take(step.index, axis=0), step.start)
 
 
 def segment_sums(terms: np.ndarray, start: np.ndarray) -> np.ndarray:
