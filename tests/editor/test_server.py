@@ -174,3 +174,21 @@ async def test_names_of_other_files_of_the_folder(client, tmp_path):
     assert list(await text.diagnostics()) == []
     found = await client.text_document_definition_async(lsp.DefinitionParams(text.id, text.at("size = 2")))
     assert found.uri == (tmp_path / "Part.lmo").as_uri() and found.range.start.line == 1
+
+    # what is open counts, saved or not; and files of the folder are searched, although no workspace is open
+    part = Text(client, tmp_path / "Part.lmo", (tmp_path / "Part.lmo").read_text())
+    part.replace("model Part", "// a part\nmodel Part")
+    found = await client.text_document_definition_async(lsp.DefinitionParams(text.id, text.at("size = 2")))
+    assert found.range.start == part.at("size")
+    edit = await client.text_document_rename_async(lsp.RenameParams(part.id, part.at("size"), "length"))
+    assert changed(part.text, edit.changes[part.uri]) == part.text.replace("size", "length")
+    assert changed(scene, edit.changes[text.uri]) == scene.replace("size", "length")
+    assert await client.text_document_rename_async(lsp.RenameParams(part.id, part.at("Part"), "Piece")) is None
+
+    # a file changes on the disk
+    client.text_document_did_close(lsp.DidCloseTextDocumentParams(part.id))
+    (tmp_path / "Part.lmo").write_text("\n\n\nmodel Part\n  parameter Real size = 1;\nend Part;\n")
+    event = lsp.FileEvent(part.uri, lsp.FileChangeType.Changed)
+    client.workspace_did_change_watched_files(lsp.DidChangeWatchedFilesParams([event]))
+    found = await client.text_document_definition_async(lsp.DefinitionParams(text.id, text.at("size = 2")))
+    assert found.range.start.line == 4

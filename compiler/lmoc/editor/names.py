@@ -20,6 +20,7 @@ from lmoc.syntax import tree
 from lmoc.syntax.node import Node
 
 _IDENT = re.compile(r"[^\W\d]\w*|'(?:[^'\\\n]|\\.)+'")
+_BEFORE_VALUE = re.compile(rf"({_IDENT.pattern})\s*=\s*\(*\s*\Z")
 Meaning = Member | Scope | Builtin | tree.ForIndex
 Local = dict[str, tuple[tree.ForIndex, Span]]
 
@@ -141,7 +142,7 @@ class _Names:
     def _end(self) -> None:
         """The name behind ``end``, which is that of the class."""
         d: tree.Class = self.scope.definition
-        last = re.search(r"\bend\s+([^\s;]+)\s*;?\s*$", d.span.text)
+        last = re.search(rf"\bend\s+({_IDENT.pattern})\s*;?\s*$", d.span.text)
         if last is not None and last[1] == d.name_span.text:
             start = d.span.start + last.start(1)
             self._add(Span(d.span.source, start, start + len(last[1])), self.scope, "end")
@@ -223,6 +224,17 @@ class _Names:
             span = Span(part.span.source, part.span.start, part.span.start + _written(part))
             self._add(span, meaning, role if isinstance(meaning, Member) or role != "value" else "type")
 
+    def _named(self, call: tree.Call, local: Local) -> None:
+        """The names of the arguments of a call, which are inputs of the function or elements of the record."""
+        names = [p.name for p in call.function.parts]
+        found = [] if not call.named or names[0] in local else follow(self.scope, names, call.function.absolute)
+        of = found[-1] if len(found) == len(names) else None
+        for name, value in call.named:
+            own = _BEFORE_VALUE.search(call.span.source.text, call.span.start, value.span.start)
+            meant = element(_followed(of), name) if isinstance(of, Scope) else None
+            if own is not None and meant is not None:
+                self._add(Span(call.span.source, *own.span(1)), meant, "modifier")
+
     def _walk(self, item: object, local: Local) -> None:
         """Names in expressions, equations and statements; no recursion, since sums can be long."""
         pending: list[tuple[object, Local]] = [(item, local)]
@@ -235,6 +247,7 @@ class _Names:
                 pending += [(p.subscripts, local) for p in item.parts]
             elif isinstance(item, tree.Call):
                 self._reference(item.function, local, "function")
+                self._named(item, local)
                 pending += [(item.arguments, local), ([e for _, e in item.named], local)]
             elif isinstance(item, tree.For | tree.ForStatement | tree.Comprehension):
                 pending += [(i.range, local) for i in item.indices]

@@ -1,8 +1,7 @@
-"""Definition, references and renaming of a name."""
+"""Definition and references of a name."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -11,12 +10,7 @@ from lmoc.editor.names import Occurrence, at, occurrences
 from lmoc.messages.source import Span
 from lmoc.support.records import dataclass
 
-_NAME = re.compile(r"[A-Za-z_]\w*|'(?:[^'\\\n]|\\.)+'", re.A)
 LIBRARY = "stdlib/"
-
-
-class RenameRefused(Exception):
-    """A name that cannot be changed, or not to this one; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -50,23 +44,6 @@ def references(own: Known, offset: int, others: Iterable[Known]) -> list[Span]:
             if o.declared is not None and place_of(o.declared) == place:
                 spans.append(Span(one.analysis.source, o.start, o.end))
     return spans
-
-
-def rename(own: Known, offset: int, new: str, others: Iterable[Known], keywords: frozenset[str]) -> list[Span]:
-    """Return the places that change their name.
-
-    Raises
-    ------
-    RenameRefused
-    """
-    found = at(own.names, offset)
-    if found is None or found.declared is None:
-        raise RenameRefused("there is no name of this text here")
-    if found.declared.source.name.startswith(LIBRARY):
-        raise RenameRefused("this name belongs to the library")
-    if not _NAME.fullmatch(new) or new in keywords:
-        raise RenameRefused(f"'{new}' is not a name: letters, digits and _, or anything in single quotes")
-    return references(own, offset, others)
 
 
 def location(span: Span) -> Path:

@@ -8,31 +8,27 @@ from __future__ import annotations
 
 import os
 import sys
-import threading
-from collections.abc import Iterator
 from functools import lru_cache
-from pathlib import Path
+from itertools import islice
 
 from lsprotocol import types as lsp
 from pygls import uris
-from pygls.lsp.server import LanguageServer
 
 from lmoc.editor import colours, describe, hints, navigation, outline
-from lmoc.editor.analysis import Analysis, analyse, with_change
-from lmoc.editor.background import Checker, Request
-from lmoc.editor.checking import Checked, Finding
+from lmoc.editor.background import Request
 from lmoc.editor.commands import COMMANDS
 from lmoc.editor.completion import proposals, signature
 from lmoc.editor.fixes import fixes
 from lmoc.editor.names import at, occurrences
-from lmoc.editor.navigation import Known, RenameRefused, known
+from lmoc.editor.navigation import Known
 from lmoc.editor.positions import offset, position, span_range
+from lmoc.editor.rename import RenameRefused, renamable
+from lmoc.editor.rename import rename as renamed
+from lmoc.editor.session import Server, diagnostic, path_of
 from lmoc.messages.diagnostics import ModelError
-from lmoc.messages.source import Source, Span
-from lmoc.support.version import __version__
+from lmoc.messages.source import Span
 
-_SUFFIXES = (".lmo", ".mo")
-_MOST_FILES = 300  # of a workspace that are searched for a name
+_MOST_FILES = 300  # of a workspace whose symbols are listed
 _KINDS = {
     "component": lsp.CompletionItemKind.Variable, "parameter": lsp.CompletionItemKind.Property,
     "port": lsp.CompletionItemKind.Interface, "class": lsp.CompletionItemKind.Class,
@@ -45,95 +41,6 @@ _SYMBOLS = {
     "record": lsp.SymbolKind.Struct, "type": lsp.SymbolKind.TypeParameter, "parameter": lsp.SymbolKind.Property,
     "constant": lsp.SymbolKind.Constant, "component": lsp.SymbolKind.Field, "discrete": lsp.SymbolKind.Field,
 }  # fmt: skip
-_SEVERITY = {
-    "error": lsp.DiagnosticSeverity.Error, "warning": lsp.DiagnosticSeverity.Warning,
-    "note": lsp.DiagnosticSeverity.Information,
-}  # fmt: skip
-
-
-class Server(LanguageServer):
-    """The texts that are open, and what is known of them."""
-
-    def __init__(self) -> None:
-        super().__init__("lmoc", __version__)
-        self.known: dict[str, tuple[str, Known]] = {}  # {uri: (text, what is known of it)}
-        self.checked: dict[str, Checked] = {}
-        self._checker: Checker | None = None
-        self._lock = threading.Lock()
-
-    @property
-    def checker(self) -> Checker:
-        """The process that checks; begun with the first text."""
-        if self._checker is None:
-            self._checker = Checker(self.deliver)
-        return self._checker
-
-    def end(self) -> None:
-        """End the process that checks."""
-        if self._checker is not None:
-            self._checker.close()
-
-    def of(self, uri: str) -> Known:
-        """Return all that is known of a text, open or on the disk, as it stands now."""
-        text = self.workspace.get_text_document(uri).source
-        with self._lock:
-            kept = self.known.get(uri)
-            if kept is None or kept[0] != text:
-                kept = self.known[uri] = text, known(analyse(text, path_of(uri)))
-            return kept[1]
-
-    def quick(self, uri: str, place: lsp.Position) -> tuple[Analysis, int]:
-        """Return what is known of an open text around a place, and the character there.
-
-        Where the text has been changed since all of it was read, and the place is where it has been, only that part is.
-        """
-        text = self.workspace.get_text_document(uri).source
-        kept = self.known.get(uri)
-        found = None if kept is None or kept[0] == text else with_change(kept[1].analysis, text)
-        if found is not None:
-            at = offset(found.source, place)
-            if found.known.start <= at and (at < found.known.end or found.known.end == len(text)):
-                return found, at
-        whole = self.of(uri).analysis
-        return whole, offset(whole.source, place)
-
-    def others(self, uri: str, name: str) -> Iterator[Known]:
-        """Yield what is known of the other texts of the workspace in which a name occurs."""
-        seen = {uri}
-        for other in [*self.workspace.text_documents]:
-            if other not in seen and name in self.workspace.get_text_document(other).source:
-                seen.add(other)
-                yield self.of(other)
-        for path in self._files():
-            other = uris.from_fs_path(str(path)) or ""
-            if other not in seen and name in path.read_text("utf-8", "replace"):
-                seen.add(other)
-                yield self.of(other)
-
-    def _files(self) -> list[Path]:
-        folders = [Path(path_of(f)) for f in self.workspace.folders] or [
-            Path(p) for p in [self.workspace.root_path] if p
-        ]
-        found = (p for folder in folders for suffix in _SUFFIXES for p in sorted(folder.rglob(f"*{suffix}")))
-        return [p for p, _ in zip(found, range(_MOST_FILES), strict=False)]
-
-    def deliver(self, request: Request, checked: Checked) -> None:
-        """Send the diagnostics of a text."""
-        uri = uris.from_fs_path(request.path) or request.path
-        source = Source(request.path, request.text)
-        self.checked[uri] = checked
-        said = [_diagnostic(source, f) for f in checked.findings]
-        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, said, request.version))
-        able = self.client_capabilities.workspace
-        if able is not None and able.inlay_hint is not None and able.inlay_hint.refresh_support:
-            self.workspace_inlay_hint_refresh(None)
-
-
-def path_of(uri: str) -> str:
-    """Return the path of a file; of a text that is in none yet, a name for it."""
-    return uris.to_fs_path(uri) or uri.rpartition("/")[2] or "untitled.lmo"
-
-
 server = Server()
 feature = server.feature
 
@@ -141,26 +48,50 @@ feature = server.feature
 @feature(lsp.TEXT_DOCUMENT_DID_OPEN)
 def did_open(ls: Server, params: lsp.DidOpenTextDocumentParams) -> None:
     d = params.text_document
+    ls.hold(d.uri)
     ls.checker.ask(Request(path_of(d.uri), d.text, d.version))
 
 
 @feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
 def did_change(ls: Server, params: lsp.DidChangeTextDocumentParams) -> None:
     d = ls.workspace.get_text_document(params.text_document.uri)
+    ls.hold(d.uri)
     ls.checker.ask(Request(path_of(d.uri), d.source, d.version))
 
 
 @feature(lsp.TEXT_DOCUMENT_DID_SAVE)
 def did_save(ls: Server, params: lsp.DidSaveTextDocumentParams) -> None:
     """Check the other open texts again: they may use what has been saved."""
+    _read_again(ls)
+
+
+@feature(lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES)
+def did_change_files(ls: Server, params: lsp.DidChangeWatchedFilesParams) -> None:
+    """Files have been changed by something else: check the open texts again."""
+    _read_again(ls)
+
+
+@feature(lsp.INITIALIZED)
+def watch(ls: Server, params: lsp.InitializedParams) -> None:
+    """Have the editor say when files change."""
+    able = ls.client_capabilities.workspace
+    if able is not None and able.did_change_watched_files and able.did_change_watched_files.dynamic_registration:
+        watched = lsp.FileSystemWatcher("**/*.{lmo,mo,order}")
+        options = lsp.DidChangeWatchedFilesRegistrationOptions([watched])
+        one = lsp.Registration("files", lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES, options)
+        ls.client_register_capability(lsp.RegistrationParams([one]))
+
+
+def _read_again(ls: Server) -> None:
+    ls.known.clear()
     for uri, d in ls.workspace.text_documents.items():
-        ls.known.pop(uri, None)
         ls.checker.ask(Request(path_of(uri), d.source, d.version))
 
 
 @feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
 def did_close(ls: Server, params: lsp.DidCloseTextDocumentParams) -> None:
     uri = params.text_document.uri
+    ls.hold(uri)
     ls.checker.forget(path_of(uri))
     ls.known.pop(uri, None)
     ls.checked.pop(uri, None)
@@ -170,30 +101,6 @@ def did_close(ls: Server, params: lsp.DidCloseTextDocumentParams) -> None:
 @feature(lsp.SHUTDOWN)
 def shutdown(ls: Server, *_: object) -> None:
     ls.end()
-
-
-def _diagnostic(source: Source, f: Finding) -> lsp.Diagnostic:
-    here = f.place is not None and f.place.file == source.name
-    range_ = span_range(Span(source, f.place.start, f.place.end)) if here and f.place else _first_line()
-    lines = [f.message]
-    lines += [
-        f"{title}: {text}" for title, text in (("expected", f.expected), ("found", f.found), ("hint", f.hint)) if text
-    ]
-    if f.place is not None and not here:
-        lines[0] = f"{f.place.file}: {f.message}"
-    related = [
-        lsp.DiagnosticRelatedInformation(
-            lsp.Location(uris.from_fs_path(p.file) or p.file, span_range(Span(source, p.start, p.end))), text
-        )
-        for p, text in f.labels
-        if p.file == source.name
-    ]
-    return lsp.Diagnostic(range_, "\n".join(lines), _SEVERITY[f.severity], f.code, source="lmoc",
-                          related_information=related or None)  # fmt: skip
-
-
-def _first_line() -> lsp.Range:
-    return lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
 
 
 # ------------------------------------------------------------------ questions about a place
@@ -264,8 +171,9 @@ def highlights(ls: Server, params: lsp.DocumentHighlightParams) -> list[lsp.Docu
 @feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
 def prepare_rename(ls: Server, params: lsp.PrepareRenameParams) -> lsp.Range | None:
     own = ls.of(params.text_document.uri)
-    found = at(own.names, offset(own.analysis.source, params.position))
-    if found is None or found.declared is None or found.declared.source.name.startswith(navigation.LIBRARY):
+    try:
+        found = renamable(own, offset(own.analysis.source, params.position))
+    except RenameRefused:
         return None
     return span_range(Span(own.analysis.source, found.start, found.end))
 
@@ -274,9 +182,9 @@ def prepare_rename(ls: Server, params: lsp.PrepareRenameParams) -> lsp.Range | N
 def rename(ls: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
     own = ls.of(params.text_document.uri)
     place = offset(own.analysis.source, params.position)
-    others = ls.others(params.text_document.uri, _word(own, place))
+    others = ls.others(params.text_document.uri, _word(own, place), params.new_name)
     try:
-        spans = navigation.rename(own, place, params.new_name, others, _keywords())
+        spans = renamed(own, place, params.new_name, others, _keywords())
     except RenameRefused as refused:
         ls.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, str(refused)))
         return None
@@ -324,8 +232,8 @@ def _symbol(s: outline.Symbol) -> lsp.DocumentSymbol:
 def workspace_symbols(ls: Server, params: lsp.WorkspaceSymbolParams) -> list[lsp.WorkspaceSymbol]:
     query = params.query.lower()
     open_texts = {uri: ls.of(uri) for uri in ls.workspace.text_documents}
-    files = {uris.from_fs_path(str(p)) or "": p for p in ls._files()}
     found = []
+    files = (uris.from_fs_path(str(p)) or "" for p in islice(ls.files(), _MOST_FILES))
     for uri in dict.fromkeys([*open_texts, *files]):
         own = open_texts.get(uri) or ls.of(uri)
         for s in outline.symbols(own.analysis):
@@ -408,7 +316,7 @@ def code_actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeActio
             edit = lsp.TextEdit(span_range(Span(source, fix.start, fix.end)), fix.text)
             found.append(
                 lsp.CodeAction(
-                    fix.title, lsp.CodeActionKind.QuickFix, diagnostics=[_diagnostic(source, f)],
+                    fix.title, lsp.CodeActionKind.QuickFix, diagnostics=[diagnostic(source, f)],
                     edit=lsp.WorkspaceEdit(changes={uri: [edit]}),
                 )
             )  # fmt: skip

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache as once
 from pathlib import Path
 
@@ -12,6 +15,20 @@ from lmoc.messages.source import Source
 
 SUFFIXES = (".lmo", ".mo")  # of files with classes, the first going before the second
 PACKAGE = "package"  # the file of a folder that makes a package of it
+
+
+OPEN: dict[str, str] = {}  # texts by the absolute paths of files in whose place an editor has them, saved or not
+_held: ContextVar[Mapping[str, str]] = ContextVar("_held", default=OPEN)
+
+
+@contextmanager
+def holding(texts: Mapping[str, str]) -> Iterator[None]:
+    """Have texts read in the place of files, by their absolute paths, and those that are open."""
+    token = _held.set({**OPEN, **texts})
+    try:
+        yield
+    finally:
+        _held.reset(token)
 
 
 def read_source(path: str | os.PathLike[str]) -> Source:
@@ -23,6 +40,9 @@ def read_source(path: str | os.PathLike[str]) -> Source:
         E0610 no such file, E0611 a folder or not readable, E0612 not text in UTF-8.
     """
     name = str(path)
+    held = _held.get()
+    if held and os.path.abspath(name) in held:
+        return Source(name, held[os.path.abspath(name)])
     try:
         data = Path(path).read_bytes()
     except FileNotFoundError:

@@ -1,0 +1,160 @@
+"""What the language server knows: the texts that are open, and what has been read and checked of them."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+from lsprotocol import types as lsp
+from pygls import uris
+from pygls.lsp.server import LanguageServer
+
+from lmoc.editor.analysis import Analysis, analyse, with_change
+from lmoc.editor.background import Checker, Request
+from lmoc.editor.checking import Checked, Finding
+from lmoc.editor.navigation import Known, known
+from lmoc.editor.positions import offset, span_range
+from lmoc.messages.diagnostics import ModelError
+from lmoc.messages.source import Source, Span
+from lmoc.sources.files import OPEN, SUFFIXES, package_file, read_source
+from lmoc.sources.opened import top_folder
+from lmoc.support.version import __version__
+
+_SEVERITY = {
+    "error": lsp.DiagnosticSeverity.Error, "warning": lsp.DiagnosticSeverity.Warning,
+    "note": lsp.DiagnosticSeverity.Information,
+}  # fmt: skip
+
+
+Others = frozenset[tuple[str, int | None]]
+
+
+class Server(LanguageServer):
+    """The texts that are open, and what is known of them."""
+
+    def __init__(self) -> None:
+        super().__init__("lmoc", __version__)
+        self.known: dict[str, tuple[str, Others, Known]] = {}  # {uri: (text, the others, what is known of it)}
+        self.checked: dict[str, Checked] = {}
+        self._checker: Checker | None = None
+        self._lock = threading.Lock()
+
+    @property
+    def checker(self) -> Checker:
+        """The process that checks; begun with the first text."""
+        if self._checker is None:
+            self._checker = Checker(self.deliver)
+        return self._checker
+
+    def end(self) -> None:
+        """End the process that checks."""
+        if self._checker is not None:
+            self._checker.close()
+
+    def of(self, uri: str) -> Known:
+        """Return all that is known of a text, open or on the disk, as it stands now."""
+        text, others = self.text(uri), self._versions(uri)
+        with self._lock:
+            kept = self.known.get(uri)
+            if kept is None or kept[:2] != (text, others):
+                kept = self.known[uri] = text, others, known(analyse(text, path_of(uri)))
+            return kept[2]
+
+    def _versions(self, uri: str) -> Others:
+        """The other texts that are open, as they stand: their classes are taken from them, saved or not."""
+        return frozenset((other, d.version) for other, d in [*self.workspace.text_documents.items()] if other != uri)
+
+    def hold(self, uri: str) -> None:
+        """Have an open text read in the place of its file; of one that is closed, the file again."""
+        path = os.path.abspath(path_of(uri))
+        if uri in self.workspace.text_documents:
+            OPEN[path] = self.workspace.get_text_document(uri).source
+        else:
+            OPEN.pop(path, None)
+
+    def quick(self, uri: str, place: lsp.Position) -> tuple[Analysis, int]:
+        """Return what is known of an open text around a place, and the character there.
+
+        Where the text has been changed since all of it was read, and the place is where it has been, only that part is.
+        """
+        text = self.text(uri)
+        kept = self.known.get(uri)
+        known_here = kept is not None and kept[1] == self._versions(uri) and kept[0] != text
+        found = with_change(kept[2].analysis, text) if kept is not None and known_here else None
+        if found is not None:
+            at = offset(found.source, place)
+            if found.known.start <= at and (at < found.known.end or found.known.end == len(text)):
+                return found, at
+        whole = self.of(uri).analysis
+        return whole, offset(whole.source, place)
+
+    def others(self, uri: str, *names: str) -> Iterator[Known]:
+        """Yield what is known of the other texts, open or in `files`, in which one of the names occurs."""
+        found = [*self.workspace.text_documents, *(uris.from_fs_path(str(p)) or "" for p in self.files(uri))]
+        for other in dict.fromkeys(found):
+            if other != uri and any(name in self.text(other) for name in names):
+                yield self.of(other)
+
+    def text(self, uri: str) -> str:
+        """Return a text as it is open, else as the compiler reads its file: nothing where it cannot."""
+        if uri in self.workspace.text_documents:
+            return self.workspace.get_text_document(uri).source
+        try:
+            return read_source(path_of(uri)).text
+        except ModelError:
+            return ""
+
+    def files(self, uri: str | None = None) -> Iterator[Path]:
+        """Yield the files of the workspace, and those around a text in which classes are found."""
+        root = self.workspace.root_path
+        folders = {Path(path_of(f)) for f in self.workspace.folders} or ({Path(root)} if root else set())
+        for folder in sorted(folders):
+            yield from (p for p in sorted(folder.rglob("*")) if p.suffix in SUFFIXES)
+        if uri is not None and Path(path_of(uri)).parent.is_dir():
+            around = top_folder(Path(path_of(uri)), self.of(uri).analysis.file)
+            yield from (p for p in sorted(around.glob("*")) if p.suffix in SUFFIXES)
+            for folder in (p for p in sorted(around.glob("*")) if package_file(p) is not None):
+                yield from (p for p in sorted(folder.rglob("*")) if p.suffix in SUFFIXES)
+
+    def deliver(self, request: Request, checked: Checked) -> None:
+        """Send the diagnostics of a text."""
+        uri = uris.from_fs_path(request.path) or request.path
+        source = Source(request.path, request.text)
+        self.checked[uri] = checked
+        said = [diagnostic(source, f) for f in checked.findings]
+        self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, said, request.version))
+        able = self.client_capabilities.workspace
+        if able is not None and able.inlay_hint is not None and able.inlay_hint.refresh_support:
+            self.workspace_inlay_hint_refresh(None)
+
+
+def path_of(uri: str) -> str:
+    """Return the path of a file; of a text that is in none yet, a name for it."""
+    return uris.to_fs_path(uri) or uri.rpartition("/")[2] or "untitled.lmo"
+
+
+def diagnostic(source: Source, f: Finding) -> lsp.Diagnostic:
+    """Return what a check has found as the protocol has it."""
+    here = f.place is not None and f.place.file == source.name
+    range_ = span_range(Span(source, f.place.start, f.place.end)) if here and f.place else _first_line()
+    lines = [f.message]
+    lines += [
+        f"{title}: {text}" for title, text in (("expected", f.expected), ("found", f.found), ("hint", f.hint)) if text
+    ]
+    if f.place is not None and not here:
+        lines[0] = f"{f.place.file}: {f.message}"
+    related = [
+        lsp.DiagnosticRelatedInformation(
+            lsp.Location(uris.from_fs_path(p.file) or p.file, span_range(Span(source, p.start, p.end))), text
+        )
+        for p, text in f.labels
+        if p.file == source.name
+    ]
+    return lsp.Diagnostic(range_, "\n".join(lines), _SEVERITY[f.severity], f.code, source="lmoc",
+                          related_information=related or None)  # fmt: skip
+
+
+def _first_line() -> lsp.Range:
+    return lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
