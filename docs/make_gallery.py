@@ -80,6 +80,14 @@ def kinds(flat: FlatDAE) -> tuple[str, ...]:
     return tuple(kind for kind, pattern in KINDS.items() if any(re.search(pattern, c) for c in classes))
 
 
+def names(flat: FlatDAE) -> set[str]:
+    """Return the names of a scene's parts, ports and quantities, and the classes of its parts, in words too."""
+    classes = {part.class_name.rpartition(".")[2] for part in flat.parts[1:]}
+    spoken = {re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name) for name in classes}
+    own = (name for name in flat.names() if not name.startswith("ledger."))
+    return classes | spoken | {piece for name in own for piece in re.findall(r"[^\W\d]\w*", name)}
+
+
 def make_scene(file: str, number: int, folder: Path) -> Entry:
     """Write the page and the picture of a scene."""
     path = ROOT / f"models/{file}.lmo"
@@ -92,9 +100,8 @@ def make_scene(file: str, number: int, folder: Path) -> Entry:
     flat, source = run.flat, path.read_text(encoding="utf-8")
     head = " ".join(line[2:].strip() for line in source.split("model ")[0].splitlines() if line.startswith("//"))
     own = kinds(flat)
-    classes = {part.class_name.rpartition(".")[2] for part in flat.parts[1:]}
     title = flat.description or flat.name
-    words = " ".join([flat.name, title, head, *own, *sorted(classes)]).lower()
+    words = " ".join([flat.name, title, head, *own, *sorted(names(flat))]).lower()
     equations = page.contents.equations
     return Entry(name, title, head, own, words, number, source, equations if "<math" in equations else "")
 

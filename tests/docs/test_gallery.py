@@ -48,12 +48,15 @@ def test_scenes_are_found_by_words_and_kinds(gallery):
       const ask = (text) => { search.value = text; search.dispatchEvent(new Event("input", { bubbles: true })); };
       ask("spring ROAD");
       const road = shown();
+      ask("strut tire damper");
+      const parts = shown();
       ask("");
       const box = document.querySelector('input[value="in the plane"]');
       box.click();
-      return { all, road, plane: shown(), wide: document.documentElement.scrollWidth <= innerWidth };
+      return { all, road, parts, plane: shown(), wide: document.documentElement.scrollWidth <= innerWidth };
     """, size=(360, 740))  # fmt: skip
     found = seen.answer
     assert len(found["all"]) == 4 and found["wide"]
+    assert found["parts"] == found["road"]
     assert [r.partition(". ")[2] for r in found["road"]] == ["Quarter car on a road (Example 5)"]
     assert found["plane"] == [entries[3].title]

@@ -39,7 +39,7 @@ for (const item of data.picture.items) {
   const [answer, finer] = [1, 0.1].map((factor) => repeater.run(times, {}, {}, pulled, factor));
   const said = parting(answer, finer, data.script.names, unitOf, 1e-3);
   const ledger = ["ledger.stored", "ledger.work", "ledger.heat"];
-  const columns = [...ledger, ...states].map((n) => [...answer.of(n)]);
+  const columns = [...ledger, ...states].map((n) => (answer.has(n) ? [...answer.of(n)] : null));
   told.push([held.hand.name, signals, answer.reason, [said.missed, said.from], columns]);
 }
 console.log(JSON.stringify(told));
@@ -88,12 +88,14 @@ def _pulled(run, hands, name, signals, reason, said, columns):
     truth = run.extended(extended, nothing | inputs)
     if begun := elsewhere(run, truth):  # the page begins where the run does
         truth = run.extended(extended, nothing | inputs, begun)
-    stored, work, heat, *states = np.array(columns, float)
+    stored, work, heat, *states = (None if c is None else np.array(c, float) for c in columns)
+    held = [(name, own) for name, own in zip(run.states, states, strict=True) if own is not None]
     accuracy, doubted = said
     count = min(len(truth.time), len(stored), len(run.time))
     relied = count if doubted is None else min(count, np.searchsorted(run.time, doubted))
     missed = moved = 0.0
-    for state, values in zip(run.states, states, strict=True):
+    assert held
+    for state, values in held:
         size = max(1e-6, np.abs(truth[state][:count]).max())
         missed = max(missed, np.abs(values[:relied] - truth[state][:relied]).max(initial=0) / size)
         moved = max(moved, np.abs(run[state][:count] - truth[state][:count]).max() / size)

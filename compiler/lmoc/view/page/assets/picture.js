@@ -147,7 +147,7 @@ export class Stage {
   enlargeTexts(factor) {
     this.enlarged = factor;
     for (const { element, shapes: [[shape]] } of this.parts.flatMap(({ pieces }) => pieces)) {
-      if (shape.kind === "label") element.setAttribute("font-size", String(shape.size * factor));
+      if (shape.kind === "label") element.firstChild.setAttribute("font-size", String(shape.size * factor));
     }
   }
 
@@ -270,7 +270,9 @@ function pieceOf(item, shapes) {
   const [[shape, ...others]] = shapes;
   const single = shapes.length === 1 && others.length === 0 && !hasSlack(item);
   const line = single ? (shape.closed ? "polygon" : "polyline") : "path";
-  const element = shapeElement(shape, shape.kind === "path" ? line : shape.kind);
+  const made = shapeElement(shape, shape.kind === "path" ? line : shape.kind);
+  const element = shape.kind === "label" ? svgElement("g") : made; // a text that moves itself is laid out anew
+  if (element !== made) element.append(made);
   return { shapes, element, attribute: single ? "points" : "d", texts: [], written: {} };
 }
 
