@@ -13,7 +13,7 @@ from lmoc.structure.blocks import blocks
 from lmoc.structure.blocks.small_blocks import first_occurrence
 from lmoc.structure.blocks.tearing import tear
 from lmoc.structure.index import matching
-from lmoc.structure.index.dulmage_mendelsohn import components, decompose
+from lmoc.structure.index.dulmage_mendelsohn import components, decompose, least_connected
 from lmoc.structure.index.incidence import Incidence
 from lmoc.structure.index.sigma import highest_value_transversal, offsets
 from lmoc.structure.linear.explicit import solved
@@ -115,6 +115,20 @@ def test_parts_fall_into_connected_pieces():
     i = signature([{0: 0}, {0: 0}, {1: 0}, {1: 0}], 2)
     pieces = components(i, np.arange(4), np.arange(2))
     assert [(r.tolist(), c.tolist()) for r, c in pieces] == [([0, 1], [0]), ([2, 3], [1])]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_connected_pieces_of_random_graphs(seed):
+    random = np.random.default_rng(seed)
+    count, edges = 300, (0, 100, 200, 299, 400, 299)[seed]
+    a, b = random.integers(0, count, (2, edges))
+    if seed == 5:  # a path in a random order
+        order = random.permutation(count)
+        a, b = order[:-1], order[1:]
+    label = connected_components(csr_matrix((np.ones(edges), (a, b)), (count, count)), False)[1]
+    smallest = np.full(count, count)
+    np.minimum.at(smallest, label, np.arange(count))
+    assert least_connected(a, b, count).tolist() == smallest[label].tolist()
 
 
 def test_blocks_and_levels():

@@ -276,6 +276,33 @@ def test_the_start_point_of_contradictory_constraints_is_what_is_given():
     assert start_point(system, np.ones(system.rows, int), 0).sample.value[0, flat.find("x")] == 2
 
 
+def test_loops_that_are_copies_are_put_together_once(monkeypatch):
+    from lmoc.structure.coordinates import closure
+
+    text = """
+        model Many
+          parameter Real r[60] = {if mod(i, 3) == 0 then 2 else 1 for i in 1:60};
+          Real x[60](start = {if i == 7 then 0.5 else 0.3 for i in 1:60}, each fixed = true);
+          Real y[60](each start = -1), vx[60] = der(x), vy[60] = der(y), s[60];
+        equation
+          for i in 1:60 loop
+            der(vx[i]) = -s[i]*x[i];
+            der(vy[i]) = -s[i]*y[i] - 9.81;
+            x[i]^2 + y[i]^2 = r[i]^2;
+          end for;
+        end Many;"""
+    looked_at = []
+    one = closure._assemblies
+    monkeypatch.setattr(closure, "_assemblies", lambda part, *rest: looked_at.append(part.count) or one(part, *rest))
+    dae = lmoc.compile_text(text)
+    assert 3 <= len(looked_at) < 10  # of either length, and the one that starts elsewhere; a start is looked for twice
+    run = dae.simulate(stop=1e-9, points=2)
+    for i in (1, 3, 7, 31, 60):
+        x, r = 0.5 if i == 7 else 0.3, 2 if i % 3 == 0 else 1
+        assert run[f"x[{i}]"][0] == x
+        assert run[f"y[{i}]"][0] == pytest.approx(-np.sqrt(r * r - x * x), rel=1e-12)
+
+
 def test_many_constraints_are_closed_sparsely(monkeypatch):
     from lmoc.structure.coordinates import closure
 

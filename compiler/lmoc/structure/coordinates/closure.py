@@ -9,19 +9,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 
 from lmoc.ir.flat import Kind, StateSelect
 from lmoc.structure.coordinates.assemblies import Assemblies, Loops, Wishes
 from lmoc.structure.coordinates.constraint_rows import ConstraintRows
+from lmoc.structure.coordinates.copies import copies
 from lmoc.structure.coordinates.group_by_group import group_by_group, one_by_one
 from lmoc.structure.coordinates.initial_rows import initial_rows
 from lmoc.structure.index.system import EquationSystem
 from lmoc.structure.linear.elimination import LENGTHS_AND_ANGLES
 from lmoc.structure.loops.nearest import nearest
 from lmoc.structure.loops.sample import FIXED, GUESSED, Sample, given
-from lmoc.structure.messages.equations import Equations
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 from lmoc.support.sizes import DENSE
@@ -94,40 +95,51 @@ def start_point(
 def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wanted: _Wanted) -> StartPoint | None:
     """The point nearest to a sample that satisfies constraints; None where none is found."""
     weight = ease.ravel()[rows.jets]
-    values, ways, moved, loose, kept = rows.begin.copy(), [], [], False, True
+    values, loose, kept = rows.begin.copy(), False, True
+    told: list[tuple[int, list[tuple[np.ndarray, np.ndarray]]]] = []
+    moved: list[tuple[int, list[tuple[int, float]]]] = []
     settled = np.zeros(len(values), bool)
     held = weight <= FIXED
-    for own, columns in rows.components(held):
-        if not len(own):
-            continue
-        part = rows.take(own)
-        inside = np.searchsorted(rows.jets, part.jets)
-        geometric, found, assemblies = _geometric(system, part.source), None, None
-        if part.count <= DENSE and geometric:
-            assemblies = _assemblies(part, weight[inside], wanted)
-        elif geometric:
-            loops = _loops(wanted, part, part.begin, weight[inside] <= GUESSED)
-            assemblies = one_by_one(part, loops, partial(_loops, wanted))
-        if assemblies is None and not (part.count <= DENSE and geometric):
+    geometric = _geometric(system, rows.source)
+    said = (weight < 1.0) | np.isin(rows.jets, _near(system, ease.shape))
+    for same in copies(rows, held, weight, said, wanted.among(rows.jets), geometric.astype(np.int64)):
+        inside, part = same.inside[0], rows.take(same.rows)
+        assemblies = _put_together(part, weight[inside], wanted) if geometric[same.rows].all() else None
+        found = assemblies.points[0] if assemblies is not None else None
+        if found is None and not (part.count <= DENSE and geometric[same.rows].all()):
             found = _alone(part, values[inside], weight[inside])
-        if assemblies is not None:
-            found = assemblies.points[0]
-            settled[np.intersect1d(inside, columns)] = True
-            loose |= assemblies.loose
-            ways += wanted.told_apart(part.jets, assemblies)
-            fixed = weight[inside] <= FIXED
-            away = np.abs(found - part.begin) > 1e-9 * (1.0 + np.abs(part.begin))
-            if (away & fixed).any():
-                kept = False
-                moved += wanted.only(part.jets, fixed, found)
         if found is None:
             return None
-        values[np.intersect1d(inside, columns)] = found[np.isin(inside, columns)]
+        if assemblies is not None:
+            settled[same.inside[:, ~held[inside]]] = True
+            loose |= assemblies.loose
+            told += [(k, wanted.told_apart(rows.jets[at], assemblies)) for k, at in same.each()]
+            away = np.abs(found - part.begin) > 1e-9 * (1.0 + np.abs(part.begin))
+            if (away & held[inside]).any():
+                kept = False
+                moved += [(k, wanted.only(rows.jets[at], held[inside], found)) for k, at in same.each()]
+        values[same.inside[:, ~held[inside]]] = found[~held[inside]]
     value = rows.sample.value.copy()
     value.flat[rows.jets] = values
     sample = replace(rows.sample, value=value)
-    nearest_jets = rows.jets[settled]
-    return StartPoint(sample, kept, rows.jets, nearest_jets, loose, tuple(ways) if kept else (), tuple(moved))
+    ways = tuple(one for _, some in sorted(told, key=itemgetter(0)) for one in some)
+    given_up = tuple(one for _, some in sorted(moved, key=itemgetter(0)) for one in some)
+    return StartPoint(sample, kept, rows.jets, rows.jets[settled], loose, ways if kept else (), given_up)
+
+
+def _near(system: EquationSystem, shape: tuple[int, ...]) -> np.ndarray:
+    """Positions in the flattened sample of jets whose values are known from elsewhere."""
+    if system.normalized.near is None:
+        return np.zeros(0, np.int64)
+    root, order, _ = system.normalized.near
+    return (order.astype(np.int64) * shape[1] + root)[order < shape[0]]
+
+
+def _put_together(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> Assemblies | None:
+    """The ways in which loops close; of many constraints only where they fall into small loops."""
+    if part.count <= DENSE:
+        return _assemblies(part, weight, wanted)
+    return one_by_one(part, _loops(wanted, part, part.begin, weight <= GUESSED), partial(_loops, wanted))
 
 
 def _assemblies(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> Assemblies | None:
@@ -150,12 +162,16 @@ def _loops(wanted: _Wanted, part: ConstraintRows, begin: np.ndarray, held: np.nd
     return Loops(part.dense, part.residual, begin, held, wanted.among(part.jets))
 
 
-def _geometric(system: EquationSystem, source: np.ndarray) -> bool:
-    """Return whether equations are about lengths and angles alone, so that they close loops."""
-    equations = Equations(system.flat)
-    numbers = np.unique(source[source >= 0]).tolist()
-    blocks = [system.flat.block_at(v) for number in numbers for v in equations.unknowns(number)]
-    return not any((b.flow and b.connector) or (b.unit and b.unit not in LENGTHS_AND_ANGLES) for b in blocks)
+def _geometric(system: EquationSystem, source: np.ndarray) -> np.ndarray:
+    """Return of which equations (rows,) lengths and angles are the only unknowns, so that they close loops."""
+    flat = system.flat
+    other = flat.per_variable(lambda b: (b.flow and b.connector) or (b.unit and b.unit not in LENGTHS_AND_ANGLES), bool)
+    other &= flat.kind == Kind.UNKNOWN
+    sums = np.zeros(flat.sums.rows, bool)
+    sums[np.repeat(np.arange(flat.sums.rows), np.diff(flat.sums.start))[other[flat.sums.index]]] = True
+    equations = np.concatenate([*(other[g.slots].any(axis=1) for g in flat.groups), sums, [False]])
+    result: np.ndarray = ~equations[source]  # -1, initial equations: the last one
+    return result
 
 
 def _alone(part: ConstraintRows, values: np.ndarray, weight: np.ndarray) -> np.ndarray | None:

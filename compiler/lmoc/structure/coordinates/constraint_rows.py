@@ -119,6 +119,19 @@ class ConstraintRows:
         )
         return components(incidence, np.arange(self.count), np.flatnonzero(~held))
 
+    def contents(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return what tells rows apart beside their unknowns: lists of rows, and a number for each of them.
+
+        Initial equations are told apart altogether.
+        """
+        found, first = [], 0
+        for k, ((part, _), known) in enumerate(zip(self._parts, self._known, strict=True)):
+            own = first + np.arange(len(part.row))
+            found += [(own, np.full(len(own), float(k))), *((own, value) for value in known.values())]
+            first += len(part.row)
+        initial = first + np.arange(sum(own.rows for own in self.initial))
+        return [*found, (initial, initial.astype(float)), (self._sum_rows, self._coefficient)]
+
     def residual(self, values: np.ndarray) -> np.ndarray:
         """(…, count) the left-hand sides at values (…, n)."""
         return self._assembled(values, entries=False)[0]

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lmoc.structure.index.incidence import Incidence, pointers, ranges
+from lmoc.structure.index.incidence import Incidence, ranges
 from lmoc.support.distinct import distinct
 from lmoc.support.records import dataclass
 
@@ -70,22 +70,27 @@ def components(incidence: Incidence, rows: np.ndarray, columns: np.ndarray) -> l
     """A part in connected pieces: pairs (rows, columns)."""
     part = incidence.submatrix(rows, columns)
     count = part.rows + part.columns
-    a = np.concatenate([part.row, part.rows + part.column])
-    b = np.concatenate([part.rows + part.column, part.row])
-    order = np.argsort(a, kind="stable")
-    start, neighbours = pointers(a[order], count), b[order]
-    label = np.full(count, -1, np.int64)
-    seeds = []
-    for seed in range(count):
-        if label[seed] >= 0:
-            continue
-        seeds.append(seed)
-        new = np.array([seed])
-        while len(new):
-            label[new] = seed
-            new = distinct(neighbours[ranges(start, new)])
-            new = new[label[new] < 0]
+    label = least_connected(part.row, part.rows + part.column, count)
+    seeds = np.flatnonzero(label == np.arange(count)).tolist()
     order = np.argsort(label, kind="stable")
     limits = np.searchsorted(label[order], [*seeds, count])
     members = [order[a:b] for a, b in pairwise(limits.tolist())]
     return [(rows[m[m < part.rows]], columns[m[m >= part.rows] - part.rows]) for m in members]
+
+
+def least_connected(a: np.ndarray, b: np.ndarray, count: int) -> np.ndarray:
+    """(count,) the smallest number of those that pairs (a, b) connect with each.
+
+    Each root is hooked to the smallest one beside it, and paths are halved until all is flat (Shiloach and Vishkin,
+    J. Algorithms 3, 1982): a few passes over all pairs, however many pieces there are.
+    """
+    least = np.arange(count)
+    while True:
+        one, other = least[a], least[b]
+        apart = one != other
+        if not apart.any():
+            return least
+        one, other = one[apart], other[apart]
+        np.minimum.at(least, np.maximum(one, other), np.minimum(one, other))
+        while (least[least] != least).any():
+            least = least[least]
