@@ -30,7 +30,8 @@ typedef struct {
   const lmoc_flag *unilateral, *ledger;  /* (n,), (states,) which states only keep accounts */
   const double *restitution;             /* (n,) */
   const double *errors, *unresolved;     /* (states,) what the integrator allows itself in a step; what it tells apart by no
-                                            more */
+                                            more … */
+  int64_t guessed;                       /* … for all that is known: hops are over that the integrator shows not to resolve */
   void *owner;                           /* 0 where an answer is good */
   int (*at)(void *owner, double time, const double *x, const lmoc_settled *mode, double *values); /* (`lmoc_contact_size`,)
                                             behind the states; levels in a mode, or 0 where all laws are open */

@@ -25,7 +25,7 @@ int64_t lmoc_law_place(lmoc_law_run *s, double *memory) {
 #define FLAGS(name, count) TAKE(name, ((count) + 7) / 8)
   TAKE(times, (int64_t)(sizeof(lmoc_law_times) / sizeof(double)));
   TAKE(direction, n); TAKE(push, n); TAKE(force, n); TAKE(idle, n); TAKE(rounding, m); TAKE(forms, n * m);
-  TAKE(impacts, n * LMOC_SERIES); TAKE(changes, LMOC_CHANGES); TAKE(apart, 2*n); TAKE(turning, n);
+  TAKE(impacts, n * LMOC_SERIES); TAKE(changes, LMOC_CHANGES); TAKE(left, n); TAKE(apart, 2*n); TAKE(turning, n);
   FLAGS(opening, n); FLAGS(closing, n); FLAGS(closed, n); FLAGS(implied, n); FLAGS(touched, n); FLAGS(held, m);
   TAKE(kind, n); TAKE(when, n); TAKE(impulse, n); TAKE(lost, n); TAKE(level, n);
   FLAGS(was, n); FLAGS(is, n); FLAGS(passing, n); FLAGS(accumulated, n); FLAGS(undecided, n); FLAGS(laws, n);
@@ -48,7 +48,7 @@ void lmoc_law_open(lmoc_law_run *s) {
   *s->times = (lmoc_law_times){-INFINITY, -INFINITY, -INFINITY, 0};
   for (int64_t i = 0; i < n; i++) {
     s->direction[i] = s->turning[i] = s->kind[i] = 0;
-    s->push[i] = s->force[i] = s->idle[i] = s->apart[i] = s->apart[n + i] = 0;
+    s->push[i] = s->force[i] = s->idle[i] = s->left[i] = s->apart[i] = s->apart[n + i] = 0;
     s->closed[i] = s->implied[i] = s->touched[i] = s->opening[i] = s->closing[i] = 0;
   }
   for (int64_t i = 0; i < n * LMOC_SERIES; i++) s->impacts[i] = NAN;
@@ -187,10 +187,12 @@ static void tell(lmoc_law_run *s, double time, int at_start) {
       memmove(s->impacts + i * LMOC_SERIES, s->impacts + i * LMOC_SERIES + 1, (LMOC_SERIES - 1) * sizeof(double));
       s->impacts[(i + 1) * LMOC_SERIES - 1] = time;
       alone &= s->passing[i];
+      s->left[i] = fmax(s->now.rate[i], 0);
     }
   }
   for (int64_t i = 0; i < n; i++) {
     s->kind[i] = kind_of(s, i, alone, at_start);
+    if (s->accumulated[i]) s->left[i] = 0;
     s->when[i] = s->accumulated[i] ? end_of_bounces(s, i, time) : time;
     s->passing[i] &= !alone;
     s->some |= s->kind[i] != LMOC_NO_EVENT;
@@ -229,7 +231,7 @@ static int take(lmoc_law_run *s, double time, double *x, int jumped, int at_star
   if ((failed = lmoc_contact_at(&s->k, time, x, &s->spare))) return failed;
   if (overlaps(s, &s->spare, jumped)) return LMOC_OVERLAPS;
   for (int64_t i = 0; i < n; i++) s->is[i] = s->closed[i] && !(jumped && is_apart(s, &s->spare, i));
-  const lmoc_trigger trigger = {s->closing, s->opening, s->turning, jumped};
+  const lmoc_trigger trigger = {s->closing, s->opening, s->turning, jumped, s->left, s->idle};
   lmoc_changed found = {.settled = s->next, .now = &s->now, .impulse = s->impulse, .lost = s->lost, .touched = s->touched,
                         .accumulated = s->accumulated, .undecided = s->undecided};
   if ((failed = lmoc_transition(&s->k, time, x, s->is, &trigger, &found))) return failed;

@@ -38,6 +38,7 @@ typedef struct {
   double *rounding;            /* (states,) of their rates, by the forces that hold there */
   double *forms;               /* (n, states) rates that are linear forms in velocities; no numbers for others */
   double *impacts, *changes;   /* s, the latest of each law (n, LMOC_SERIES), and of all */
+  double *left;                /* rates behind the last impact of each; 0: none, or at rest */
   double *apart;               /* (2 n,) what keeps roots from being noticed at once; those of what sticks behind the others */
   int64_t *turning;            /* of the last trigger … */
   lmoc_flag *opening, *closing;

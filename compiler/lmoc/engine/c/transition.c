@@ -14,9 +14,11 @@ static const double TURNING = 1e-8;       /* s; a velocity that its acceleration
                                              itself, not by a jump */
 static const double BOUNCES_LEFT = 1e-9;  /* s; where all bounces to come would take less, they are over ... */
 static const double LEAST_HEIGHT = 1e-14; /* ... as where they are lower than this share of the lengths that make the gap */
-static const double RESOLVED = 1e3;       /* ... or than this many errors that the integrator allows itself ... */
+static const double RESOLVED = 1e3;       /* ... or than this many errors that the integrator allows itself (where that is a
+                                             guess: and it does not let them get lower) ... */
 static const double TOGETHER = 1e4;       /* ... or as this many where gaps that cannot be told from zero close among bounces
                                              without loss */
+static const double UNSEEN = 3;           /* roots at which a gap closes again at once where it has just left: the hop is over */
 static const double HOLDS = 1e-6;         /* share of what a law alone would have to hold: beyond it a force is none of
                                              rounding */
 
@@ -111,9 +113,27 @@ static int strike(decision *d, const double *restitution) {
   return lost;
 }
 
-static int comes_back_low(const decision *d, int64_t i, double times) {
+static int comes_back_below(const decision *d, int64_t i, double height) {
   const double level = d->trial.level[i], rate = d->now.rate[i];
-  return level < 0 && rate * rate <= -2 * level * times * d->lowest[i];
+  return level < 0 && rate * rate <= -2 * level * height;
+}
+
+static int comes_back_low(const decision *d, int64_t i, double times) { return comes_back_below(d, i, times * d->lowest[i]); }
+
+/* Whether a low hop does not get lower than the last one, by at least half of what its impact takes: then the errors of
+   the integrator keep it up, and will do so for ever. */
+static int is_kept_up(const decision *d, int64_t i) {
+  const double e = d->k->restitution[i], left = d->trigger->left[i], rate = d->now.rate[i];
+  return left > 0 && rate * rate > left * left * (1 + e*e) / 2;
+}
+
+static int is_too_low(const decision *d, int64_t i) {
+  return comes_back_below(d, i, LEAST_HEIGHT * d->now.gap_scale[i]) ||
+         (comes_back_low(d, i, 1) && (!d->k->guessed || is_kept_up(d, i)));
+}
+
+static double to_come(const decision *d, int64_t i) {
+  return 2 * d->now.rate[i] / (-d->trial.level[i] * (1 - d->k->restitution[i]));
 }
 
 static int touches_taking(const decision *d, int64_t i) {
@@ -141,16 +161,62 @@ static int bounces_over(decision *d, int *some) {
   candidates(d, rest, d->candidate);
   if ((failed = levels(d, d->candidate))) return failed;
   for (int64_t i = 0; i < d->n; i++) {
-    const double level = d->trial.level[i], e = k->restitution[i], left = 2 * d->now.rate[i] / (-level * (1 - e));
+    const double level = d->trial.level[i], left = to_come(d, i);
     const int own = leaving[i] && d->trigger->closing[i];
     elastic |= own && lmoc_is_lossless(d->k, i) && touches_taking(d, i) && comes_back_low(d, i, TOGETHER);
-    over[i] = own && e > 0 && !lmoc_is_lossless(d->k, i) && level < 0 && (left < BOUNCES_LEFT || comes_back_low(d, i, 1));
+    const int low = left < BOUNCES_LEFT || is_too_low(d, i);
+    over[i] = own && k->restitution[i] > 0 && !lmoc_is_lossless(d->k, i) && level < 0 && low;
     if (over[i]) d->found->until = fmax(d->found->until, d->now.time + left);
   }
   for (int64_t i = 0; i < d->n; i++) {
     over[i] |= elastic && leaving[i] && comes_back_low(d, i, TOGETHER);
     *some |= over[i];
   }
+  return LMOC_SOLVED;
+}
+
+/* Bring laws to rest, beside those that are; what that takes. */
+static int to_rest(decision *d, lmoc_flag *which, double *energy) {
+  int failed;
+  for (int64_t i = 0; i < d->n; i++)
+    which[i] |= lmoc_is_impulsive(d->k, i) && d->touching[i] && fabs(d->now.rate[i]) <= d->least[i];
+  if ((failed = lmoc_rest(d->k, &d->now, which, d->further))) return failed;
+  for (int64_t j = 0; j < d->further->count; j++)
+    *energy -= 0.5 * d->further->impulse[j] * d->now.rate[d->further->which[j]];
+  if ((failed = lmoc_behind(d->k, &d->now, d->further, &d->spare))) return failed;
+  step_on(d);
+  raise_least(d);
+  return LMOC_SOLVED;
+}
+
+/* Laws that have just left, and have closed again and again since without having come back: the integrator makes a step
+   over the whole hop, however it begins. They have bounced for the last time. */
+static int unseen(decision *d) {
+  lmoc_flag *ends = d->one, *rest = d->other, *over = d->found->accumulated;
+  int some = 0, failed;
+  double energy = 0;
+  for (int64_t i = 0; i < d->n && d->k->guessed; i++) {
+    const int leaves = d->touching[i] && d->trigger->closing[i] && d->now.rate[i] > d->least[i];
+    ends[i] = leaves && lmoc_is_impulsive(d->k, i) && d->trigger->left[i] > 0 && d->trigger->idle[i] >= UNSEEN &&
+              !lmoc_is_lossless(d->k, i);
+    rest[i] = d->touching[i] && !ends[i];
+    some |= ends[i];
+  }
+  if (!some) return LMOC_SOLVED;
+  candidates(d, rest, d->candidate);
+  if ((failed = levels(d, d->candidate))) return failed;
+  some = 0;
+  for (int64_t i = 0; i < d->n; i++) {
+    some |= over[i] = ends[i] = ends[i] && d->trial.level[i] < 0;
+    if (over[i]) d->found->until = fmax(d->found->until, d->now.time + to_come(d, i));
+  }
+  if (!some) return LMOC_SOLVED;
+  if ((failed = to_rest(d, ends, &energy))) return failed;
+  for (int64_t i = 0; i < d->n; i++)
+    if (over[i]) {
+      d->found->lost[i] = energy;
+      energy = 0;
+    }
   return LMOC_SOLVED;
 }
 
@@ -170,16 +236,7 @@ static int thrown_for_nothing(decision *d, double *energy) {
   if ((failed = levels(d, d->candidate))) return failed;
   some = 0;
   for (int64_t i = 0; i < d->n; i++) some |= thrown[i] = thrown[i] && comes_back_low(d, i, 1);
-  if (!some) return LMOC_SOLVED;
-  for (int64_t i = 0; i < d->n; i++)
-    thrown[i] |= lmoc_is_impulsive(d->k, i) && d->touching[i] && fabs(d->now.rate[i]) <= d->least[i];
-  if ((failed = lmoc_rest(d->k, &d->now, thrown, d->further))) return failed;
-  for (int64_t j = 0; j < d->further->count; j++)
-    *energy -= 0.5 * d->further->impulse[j] * d->now.rate[d->further->which[j]];
-  if ((failed = lmoc_behind(d->k, &d->now, d->further, &d->spare))) return failed;
-  step_on(d);
-  raise_least(d);
-  return LMOC_SOLVED;
+  return some ? to_rest(d, thrown, energy) : LMOC_SOLVED;
 }
 
 /* All impulses at the instant. `energy`: what those further impacts take that come to nothing. */
@@ -324,7 +381,7 @@ static int decide(decision *d, double time, const double *x) {
   }
   if ((failed = lmoc_contact_at(k, time, x, &d->now)) || (failed = begin(d, &strikes))) return failed;
   lmoc_contact_copy(d->n, k->states, &d->now, &d->before);
-  if (strikes && (failed = impulses(d, &energy))) return failed;
+  if ((failed = strikes ? impulses(d, &energy) : unseen(d))) return failed;
   for (int64_t i = 0; i < d->n && !strikes; i++) /* what has been closed is at rest, however slow the scene */
     if (d->holding[i]) d->least[i] = INFINITY;
   if (strikes) {

@@ -16,6 +16,8 @@ typedef struct {
                                   among them */
   const int64_t *direction;    /* in which friction among them begins to slide */
   int64_t jumped;              /* the states have been changed from outside: what is closed may move */
+  const double *left;          /* rates with which laws have left at their last impacts; 0: they have not */
+  const double *idle;          /* roots in sequence at which nothing has happened */
 } lmoc_trigger;
 
 /* The consequences. */

@@ -57,7 +57,8 @@ void fmu_law_ask(fmu *f) {
   const fmu_model *m = f->model;
   const fmu_laws *l = &m->laws;
   const int64_t n = l->laws.count;
-  f->laws.k = (lmoc_kinematics){l->laws, m->states, l->unilateral, l->ledger, f->restitution, f->errors, f->unresolved, f,
+  f->laws.k = (lmoc_kinematics){l->laws, m->states, l->unilateral, l->ledger, f->restitution, f->errors, f->unresolved,
+                                !f->now.co_simulation, f,
                                 contact_at, exact, lmoc_closure_count(&f->closures), tie};
   f->laws.curved = l->curved;
   f->laws.linear = l->linear;

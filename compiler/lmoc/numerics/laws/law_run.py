@@ -36,7 +36,9 @@ class _Kinematics(ctypes.Structure):
     _fields_ = [
         ("laws", Laws),
         ("states", _COUNT),
-        *_places("unilateral", "ledger", "restitution", "errors", "unresolved", "owner"),
+        *_places("unilateral", "ledger", "restitution", "errors", "unresolved"),
+        ("guessed", _COUNT),
+        *_places("owner"),
         *_places("at", "exact"),
         ("ties", _COUNT),
         *_places("tie"),
@@ -68,8 +70,8 @@ class _LawRun(ctypes.Structure):
         ("work", _COUNT),
         ("heat", _COUNT),
         ("moment", _TIME),
-        *_places("times", "direction", "push", "force", "idle", "rounding", "forms", "impacts", "changes", "apart"),
-        *_places("turning", "opening", "closing", "closed", "implied", "touched", "held"),
+        *_places("times", "direction", "push", "force", "idle", "rounding", "forms", "impacts", "changes", "left"),
+        *_places("apart", "turning", "opening", "closing", "closed", "implied", "touched", "held"),
         *_places("kind", "when", "impulse", "lost", "level"),
         *_places("was", "is_", "passing", "accumulated", "undecided", "laws"),
         ("until", _TIME),
@@ -91,9 +93,9 @@ class _Discrete(ctypes.Structure):
 
 _TIMES, _SERIES, _CHANGES = 4, 3, 500  # (``law_run.h``)
 _REMEMBERED = (
-    "force", "idle", "direction", "turning", "opening", "closed", "implied", "touched", "errors", "unresolved",
+    "force", "idle", "direction", "turning", "opening", "closed", "implied", "touched", "errors", "unresolved", "left",
 )  # fmt: skip
-_NUMBERS = ("push", "force", "idle", "when", "impulse", "lost", "level")
+_NUMBERS = ("push", "force", "idle", "left", "when", "impulse", "lost", "level")
 _COUNTS = ("direction", "turning", "kind")
 _FLAGS = (
     "opening", "closing", "closed", "implied", "touched", "was", "is_", "passing", "accumulated", "undecided", "laws",
@@ -171,7 +173,7 @@ class LawRun:
         owner = None if in_c is None else ctypes.addressof(in_c)
         given = (table.unilateral, ledger_states, table.restitution, self.errors, self.unresolved)
         own = _Kinematics(
-            table.in_c, self.states, *(a.ctypes.data for a in given), owner, asked, ctypes.cast(exact, _PLACE).value
+            table.in_c, self.states, *(a.ctypes.data for a in given), 0, owner, asked, ctypes.cast(exact, _PLACE).value
         )
         return _LawRun(own, *(a.ctypes.data for a in (*masks, limits, kinematics.noise)), *ledger, moment)
 
