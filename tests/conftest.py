@@ -64,6 +64,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     """Ten thousand tests and what they import stay: the collector of garbage need not look at them again and again."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

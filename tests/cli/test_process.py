@@ -91,7 +91,7 @@ def test_formatting_on_a_full_disk_leaves_the_file(folder):
     assert os.listdir(folder) == ["oscillator.lmo"]
 
 
-@pytest.mark.parametrize("name", ["x.csv", "x.npz", "x.mat", "x.png", "x.svg", "x.pdf"])
+@pytest.mark.parametrize("name", ["x.csv", "x.mat", "x.png", "x.pdf"])
 def test_a_result_on_a_full_disk_leaves_the_one_before(folder, name):
     (folder / name).write_text("the result of yesterday")
     option = "--plot" if name.endswith(("png", "svg", "pdf")) else "-o"
@@ -126,7 +126,7 @@ def test_a_signal_while_running_keeps_what_there_is(folder, number, code, backgr
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_at_any_moment_ends_quietly(folder, number):
     """While files are imported, parsed, reduced: a line, no traceback, no file of an internal error."""
-    for wait in np.linspace(0.12, 0.9, 8):
+    for wait in np.linspace(0.12, 0.9, 8)[number == signal.SIGTERM :: 2]:
         environment = {**os.environ, "TMPDIR": str(folder)}
         process = subprocess.Popen([*COMMAND, *LONG], cwd=folder, text=True, env=environment,
                                    stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)  # fmt: skip

@@ -138,8 +138,10 @@ def test_a_constraint_between_velocities_alone(formulation):
     np.testing.assert_allclose(run["y"], (1 - np.cos(1.5 * run.time)) / 1.5, atol=1e-5)
 
 
-@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9])
-@pytest.mark.parametrize("formulation", ["projected", "index1", "baumgarte", "ggl"])
+@pytest.mark.parametrize(
+    ("formulation", "rtol"),
+    [*(("projected", rtol) for rtol in (1e-3, 1e-6, 1e-9)), ("index1", 1e-3), ("baumgarte", 1e-9), ("ggl", 1e-6)],
+)
 def test_a_run_ends_where_its_closures_depend_on_each_other(formulation, rtol):
     """Bars of a parallelogram that come to lie in line, after 0.70846 s."""
     with pytest.raises(lmoc.SimulationError, match="singular position") as caught:

@@ -356,8 +356,10 @@ def test_large_values_leave_no_rounding_in_what_the_rows_determine() -> None:
     assert np.abs(matrix @ step + residual).max() < 1e-18
 
 
-@pytest.mark.parametrize("guess", [1.0, 0.0, -3.0])
-@pytest.mark.parametrize("row", ["initial equation 0.5*m*v^2 = E0;", "initial equation E = E0;"])
+@pytest.mark.parametrize(
+    ("row", "guess"),
+    [("initial equation 0.5*m*v^2 = E0;", g) for g in (1.0, 0.0, -3.0)] + [("initial equation E = E0;", -3.0)],
+)
 def test_small_quantities_are_met_by_their_own_size(row: str, guess: float) -> None:
     """An energy of 1e-20 J is no zero for a mass of 1e-12 kg: what is met to 1e-7 of one was met by any velocity."""
     text = f"""

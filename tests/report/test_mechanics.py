@@ -2,6 +2,7 @@
 
 import pytest
 from conftest import ROOT
+from oracles.models import compiled
 
 import lmoc
 
@@ -114,6 +115,6 @@ def test_a_scene_at_rest_is_told():
 @pytest.mark.parametrize("folder", ["notes", "laws", "planar"])
 def test_sound_scenes_have_no_such_remarks(folder):
     for path in sorted((ROOT / "models" / folder).glob("*.lmo")):
-        dae = lmoc.compile(str(path))
+        dae = compiled(path)
         notes = dae.simulate(points=20).notes if folder == "notes" else dae.check()
         assert not [d for d in notes if d.code in ("W0560", "N0561", "N0562", "N0424")], path.name

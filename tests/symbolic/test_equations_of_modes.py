@@ -104,7 +104,7 @@ def test_equations_of_two_strings_hold_along_the_motion_with_their_tensions():
     """In each mode, at positions, accelerations and tensions of a run."""
     dae = lmoc.compile_text(TWO_BOBS)
     found = dae.equations()
-    run = dae.simulate(stop=0.6, points=25, rtol=1e-10)
+    run = dae.simulate(stop=0.6, points=13, rtol=1e-10)
     parameters = {sp.Symbol(n): v for n, v in dae.parameters.items()}
     checked = 0
     for mode, after in zip(found.modes, [*(m.since for m in found.modes[1:]), 0.6], strict=True):
@@ -119,7 +119,7 @@ def test_equations_of_two_strings_hold_along_the_motion_with_their_tensions():
                 terms = [abs(float(t.subs(numbers))) for t in sp.Add.make_args(e)]
                 assert abs(float(e.subs(numbers))) <= 1e-7 * max(1.0, *terms)
             checked += 1
-    assert checked > 10
+    assert checked > 5
 
 
 def test_elastic_strings_read_in_the_coordinate_of_the_mass():

@@ -66,7 +66,7 @@ def test_a_double_pendulum_against_lagrange():
     symbols = sorted(set().union(*(e.free_symbols for e in expected)), key=str)
     generator = np.random.default_rng(4)
     highest = [sp.Symbol(f"der(der({q}))") for q in (phi1, phi2)]
-    for _ in range(5):
+    for _ in range(2):
         point = {s: sp.Float(v, 17) for s, v in zip(symbols, generator.uniform(0.3, 1.2, len(symbols)), strict=True)}
         rest = {s: v for s, v in point.items() if s not in highest}
         ours = sp.solve([e.residual.subs(rest) for e in found.equations], highest)

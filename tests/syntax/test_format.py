@@ -35,7 +35,7 @@ def test_expressions_survive(e: tree.Expression) -> None:
     assert alike(equation.left, e)
 
 
-@settings(max_examples=50, suppress_health_check=list(HealthCheck))
+@settings(max_examples=30, suppress_health_check=list(HealthCheck))
 @given(files)
 def test_files_survive(file: tree.File) -> None:
     assert alike(read(format(file)), file)

@@ -20,14 +20,14 @@ pytestmark = needs_node
 
 
 def scripts(files: list[Path], **options) -> list[tuple[object, Script]]:
-    runs = [lmoc.compile(f).simulate(**options) for f in files]
+    runs = [compiled(f).simulate(**options) for f in files]
     return [(run, write_script(run.trajectory)) for run in runs]
 
 
 @pytest.mark.parametrize("solver, agree", [("dop853", AGREE), ("auto", 1e-5)])
 def test_every_scene_of_the_notes_and_its_variables(solver, agree):
     """Of the same method as the page's, and of what Python prefers: there both are right within the tolerance."""
-    runs = [lmoc.compile(file).simulate(solver=solver) for file in sorted((MODELS / "notes").glob("*.lmo"))]
+    runs = [compiled(file).simulate(solver=solver) for file in sorted((MODELS / "notes").glob("*.lmo"))]
     smooth = [run for run in runs if run.reduced.switched is None]
     assert len(smooth) >= 31 and any(run.stats["solver"] == "taylor" for run in smooth) is (solver == "auto")
     cases = [(run, write_script(run.trajectory)) for run in smooth]
@@ -55,7 +55,7 @@ def test_other_values_of_parameters_give_what_python_gives():
     files += [MODELS / "planar" / f for f in ("slider_crank.lmo", "cart_pole.lmo")]
     cases, truths = [], []
     for file in files:
-        dae = lmoc.compile(file)
+        dae = compiled(file)
         run = dae.simulate(points=30, rtol=1e-8)
         script = write_script(run.trajectory)
         chosen = changeable(run, script)

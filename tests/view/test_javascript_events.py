@@ -50,7 +50,7 @@ def judge(found, least=1e-6):
 
 
 def test_every_scene_with_laws():
-    judge(repeated([(lmoc.compile(file), {}) for file in WITH_LAWS], points=60, solver="dop853", rtol=1e-9), 1e-7)
+    judge(repeated([(compiled(file), {}) for file in WITH_LAWS], points=60, solver="dop853", rtol=1e-9), 1e-7)
 
 
 BELT = """

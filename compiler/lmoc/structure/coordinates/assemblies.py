@@ -297,11 +297,13 @@ class Loops:
         """Add further ends to those found so far, turned to where they are nearest to what is wished."""
         angle = self.turns.angle
         for x in ended:
-            x = self.turned(x)
-            allowed = _SAME * np.where(angle, TURN, np.maximum(self.size, np.abs(x)))
-            same = (np.abs(points - x) <= allowed).all(axis=1)
-            if same.any():
-                counts[np.flatnonzero(same)[0]] += 1
+            for turned in (False, True):  # most are where one has been found, and need not be turned
+                x = self.turned(x) if turned else x
+                allowed = _SAME * np.where(angle, TURN, np.maximum(self.size, np.abs(x)))
+                same = (np.abs(points - x) <= allowed).all(axis=1)
+                if same.any():
+                    counts[np.flatnonzero(same)[0]] += 1
+                    break
             else:
                 points, counts = np.vstack([points, x]), np.append(counts, 1)
         return points, counts
