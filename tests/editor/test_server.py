@@ -139,8 +139,16 @@ async def test_questions_about_names(client, tmp_path):
     assert await client.text_document_prepare_rename_async(library_class) is None
     assert await client.text_document_rename_async(lsp.RenameParams(text.id, text.at("mass.q"), "2x")) is None
 
-    here = lsp.CompletionParams(text.id, text.at("wall.", behind=True))
-    assert "flange" in [i.label for i in (await client.text_document_completion_async(here)).items]
+    async def offered(word: str) -> list[str]:
+        here = lsp.CompletionParams(text.id, text.at(word, behind=True))
+        return [i.label for i in (await client.text_document_completion_async(here)).items]
+
+    assert "flange" in await offered("wall.")
+    assert {"mass", "spring", "sin", "First"} - set(await offered("Real x = ")) == {"First"}  # a model is no value
+    types = await offered("where the mass is\";\n")
+    assert "Spring" in types and "TwoFlanges" not in types  # that is partial
+    text.replace("equation\n", "equation\n  for part in 1:3 loop\n    x = 2;\n  end for;\n")
+    assert "part" in await offered("x = 2")
 
 
 @pytest.mark.asyncio

@@ -16,6 +16,8 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import ATTRIBUTES
 from lmoc.support.records import dataclass
+from lmoc.syntax import tree
+from lmoc.syntax.node import walk
 
 _WORDS = (
     "model block connector type record package function equation algorithm initial extends import parameter constant "
@@ -72,7 +74,8 @@ def proposals(analysis: Analysis, offset: int) -> list[Proposal]:
         return list(_modifiable(modified))
     if here.inside and here.inside[-1][1] == "connect":
         return list(_connectors(scope))
-    return list(_visible(scope))
+    before = analysis.source.text[: offset - len(here.word)].rstrip()
+    return [*_indices(scope, offset), *_visible(scope, _wanted(before))]
 
 
 def signature(analysis: Analysis, offset: int) -> Signature | None:
@@ -191,7 +194,34 @@ def _connectors(scope: Scope) -> Iterator[Proposal]:
                 yield Proposal(name, "port", describe.one_line(port), port.component.description)
 
 
-def _visible(scope: Scope) -> Iterator[Proposal]:
+def _wanted(before: str) -> str:
+    """What is typed behind a text: a "value", a "base" class, or anything else."""
+    if before and before[-1] in "=+-*/^<>,([{:":
+        return "value"
+    word = re.search(r"\w*$", before)
+    if word is None or word[0] in ("extends", "constrainedby"):
+        return "base"
+    return "value" if word[0] in ("then", "else", "if", "elseif", "and", "or", "not", "in", "when", "elsewhen") else ""
+
+
+def _can_stand(found: object, wanted: str) -> bool:
+    """Return whether a class can: models are no values, and partial ones are no types of parts."""
+    if not isinstance(found, Scope) or found.definition is None:
+        return True
+    if wanted == "value":
+        return found.kind in ("function", "package", "type", "record")
+    return wanted == "base" or not found.definition.partial
+
+
+def _indices(scope: Scope, offset: int) -> Iterator[Proposal]:
+    """The indices of the loops around a place."""
+    for node in walk(scope.definition) if scope.definition is not None else ():
+        loop = isinstance(node, tree.For | tree.ForStatement | tree.Comprehension)
+        if loop and node.span.start <= offset <= node.span.end:
+            yield from (Proposal(i.name, "component", "index") for i in node.indices)
+
+
+def _visible(scope: Scope, wanted: str) -> Iterator[Proposal]:
     seen: set[str] = set()
     try:
         names = list(visible(scope))
@@ -201,9 +231,10 @@ def _visible(scope: Scope) -> Iterator[Proposal]:
         if name not in seen:
             seen.add(name)
             found = look_up(scope, name) if not _in_folder(scope, name) else None
-            yield (
-                _proposal(found) if isinstance(found, Member | Scope) else Proposal(name, "type" if found else "class")
-            )
+            if isinstance(found, Member | Scope):
+                yield from [_proposal(found)] * _can_stand(found, wanted)
+            else:
+                yield Proposal(name, "type" if found else "class")
     yield from (Proposal(name, "function", text, text=f"{name}(") for name, text in describe.FUNCTIONS.items())
     yield from (Proposal(word, "keyword") for word in _WORDS)
 

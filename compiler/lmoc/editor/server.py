@@ -83,7 +83,7 @@ def watch(ls: Server, params: lsp.InitializedParams) -> None:
 
 
 def _read_again(ls: Server) -> None:
-    ls.known.clear()
+    ls.read_again()
     for uri, d in ls.workspace.text_documents.items():
         ls.checker.ask(Request(path_of(uri), d.source, d.version))
 

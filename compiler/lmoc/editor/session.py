@@ -39,6 +39,7 @@ class Server(LanguageServer):
         self.known: dict[str, tuple[str, Others, Known]] = {}  # {uri: (text, the others, what is known of it)}
         self.checked: dict[str, Checked] = {}
         self._checker: Checker | None = None
+        self._last: tuple[str, str, Others, Analysis | None] | None = None  # what was read of a changed text alone
         self._lock = threading.Lock()
 
     @property
@@ -66,6 +67,11 @@ class Server(LanguageServer):
         """The other texts that are open, as they stand: their classes are taken from them, saved or not."""
         return frozenset((other, d.version) for other, d in [*self.workspace.text_documents.items()] if other != uri)
 
+    def read_again(self) -> None:
+        """Forget what is known: files have changed."""
+        self.known.clear()
+        self._last = None
+
     def hold(self, uri: str) -> None:
         """Have an open text read in the place of its file; of one that is closed, the file again."""
         path = os.path.abspath(path_of(uri))
@@ -79,10 +85,15 @@ class Server(LanguageServer):
 
         Where the text has been changed since all of it was read, and the place is where it has been, only that part is.
         """
-        text = self.text(uri)
-        kept = self.known.get(uri)
-        known_here = kept is not None and kept[1] == self._versions(uri) and kept[0] != text
-        found = with_change(kept[2].analysis, text) if kept is not None and known_here else None
+        text, others = self.text(uri), self._versions(uri)
+        kept, last = self.known.get(uri), self._last
+        if last is not None and last[:3] == (uri, text, others):
+            found = last[3]
+        elif kept is not None and kept[1] == others and kept[0] != text:
+            found = with_change(kept[2].analysis, text)
+            self._last = uri, text, others, found
+        else:
+            found = None
         if found is not None:
             at = offset(found.source, place)
             if found.known.start <= at and (at < found.known.end or found.known.end == len(text)):
