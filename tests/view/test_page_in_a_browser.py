@@ -235,7 +235,7 @@ def test_the_hand_pulls_while_the_scene_runs_and_the_address_gives_the_same_run(
         await frames(1);
         drawn = drawn || document.querySelector(".hand").getAttribute("d") || "";
       }
-      const playing = $("play").getAttribute("aria-pressed");
+      const playing = $("play").getAttribute("aria-pressed"), whose = $("whose").textContent;
       send("pointerup", 80);
       $("play").click();
       await idle();
@@ -249,11 +249,12 @@ def test_the_hand_pulls_while_the_scene_runs_and_the_address_gives_the_same_run(
       $("reset").click(); await idle();
       const free = at(1.5);
       location.hash = hash; await frames(3); await idle();
-      return { drawn, playing, energy, hash, first, free, again: at(1.5), gone };
+      return { drawn, playing, energy, hash, first, free, again: at(1.5), gone, whose: [whose, $("whose").textContent] };
     """)  # fmt: skip
     found = seen.answer
     assert seen.console == [] and found["playing"] == "true"
     assert found["drawn"].startswith("M") and found["gone"] == ""
+    assert "before the pull" in found["whose"][0] and found["whose"][1] == ""
     assert "pull=" in found["hash"] and ",wheel.flange," in found["hash"]
     assert float(found["energy"].split()[-1]) < 1e-4
     assert found["again"] == pytest.approx(found["first"], rel=1e-4) and found["first"] != found["free"]
@@ -528,12 +529,14 @@ def test_modes_of_a_linear_scene_move():
       const labels = [...$("mode").options].map((o) => o.textContent), ran = (seek(1), paths());
       $("mode").value = "0"; $("mode").dispatchEvent(new Event("change"));
       const period = 1 / Number(labels[1].match(/([\\d.]+) Hz/)[1]);
-      seek(0.1); const swinging = paths();
+      seek(0.1); const swinging = paths(), whose = $("whose").textContent;
       seek(0.1 + period / 3); const later = paths();
       $("mode").value = ""; $("mode").dispatchEvent(new Event("change")); seek(1);
-      return { labels, moves: swinging !== later, differs: swinging !== ran, again: paths() === ran };
+      const told = [whose, $("whose").textContent];
+      return { labels, told, moves: swinging !== later, differs: swinging !== ran, again: paths() === ran };
     """)  # fmt: skip
     found = seen.answer
+    assert found["told"] == ["The picture swings in a mode; plots and values are of the run.", ""]
     assert seen.console == [] and found["moves"] and found["differs"] and found["again"]
     model = dae.linearize()
     swings = sorted({round(v, 9) for v in model.eigenvalues.imag / (2 * np.pi) if v > 0})

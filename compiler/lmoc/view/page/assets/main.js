@@ -412,6 +412,13 @@ class Page {
     this.told = performance.now();
     $("time").setAttribute("aria-valuetext", `${t.toFixed(3)} seconds`);
     putText($("now"), `t = ${t.toFixed(3)} s`);
+    putText($("whose"), this.whose());
+  }
+
+  /** Whose motion plots, values and terms tell, where the picture shows another one. */
+  whose() {
+    if (this.drag.pulling !== null) return "Plots and values are of the run before the pull until you let go.";
+    return this.swing === null ? "" : "The picture swings in a mode; plots and values are of the run.";
   }
 
   /** Show the instant t in numbers and words. */
