@@ -54,14 +54,20 @@ def test_no_connection_of_a_random_scene_is_missing(name, tmp_path):
     assert overlapping(picture) == []
 
 
-def test_coordinates_of_a_lattice_stand_beside_its_columns(tmp_path):
+@pytest.mark.parametrize("size", [(5, 2), (6, 3)], ids=str)
+def test_coordinates_of_a_lattice_stand_beside_its_columns_or_within_their_own_bodies(size, tmp_path):
     path = tmp_path / "scene.lmo"
-    path.write_text(lattice(5, 2))
+    path.write_text(lattice(*size))
     items = opened(path)[1].items
-    bodies = [corners_of([i]) for i in items if i.symbol == "mass" and i.shapes]
-    arrows = [corners_of([i]) for i in items if i.symbol == "coordinate"]
-    for a, b in product(arrows, bodies):
-        assert min(a[2], b[2]) <= max(a[0], b[0]) or min(a[3], b[3]) <= max(a[1], b[1])
+    bodies = {i.part: corners_of([i]) for i in items if i.symbol == "mass" and i.shapes}
+    arrows = {i.variables["coordinate"].partition(".")[0]: corners_of([i]) for i in items if i.symbol == "coordinate"}
+    within = 0
+    for (part, a), (body, b) in product(arrows.items(), bodies.items()):
+        apart = min(a[2], b[2]) <= max(a[0], b[0]) or min(a[3], b[3]) <= max(a[1], b[1])
+        inside = b[0] <= a[0] and a[2] <= b[2] and b[1] <= a[1] and a[3] <= b[3] + 2
+        assert apart or (part == body and inside)
+        within += not apart
+    assert within == (5 if size == (6, 3) else 0)
 
 
 def test_the_test_notices_a_piece_that_is_taken_away(tmp_path):

@@ -249,12 +249,13 @@ def test_the_hand_pulls_while_the_scene_runs_and_the_address_gives_the_same_run(
       $("reset").click(); await idle();
       const free = at(1.5);
       location.hash = hash; await frames(3); await idle();
-      return { drawn, playing, energy, hash, first, free, again: at(1.5), gone, whose: [whose, $("whose").textContent] };
+      const told = [whose, $("whose").textContent];
+      return { drawn, playing, energy, hash, first, free, again: at(1.5), gone, told };
     """)  # fmt: skip
     found = seen.answer
     assert seen.console == [] and found["playing"] == "true"
     assert found["drawn"].startswith("M") and found["gone"] == ""
-    assert "before the pull" in found["whose"][0] and found["whose"][1] == ""
+    assert "before the pull" in found["told"][0] and found["told"][1] == ""
     assert "pull=" in found["hash"] and ",wheel.flange," in found["hash"]
     assert float(found["energy"].split()[-1]) < 1e-4
     assert found["again"] == pytest.approx(found["first"], rel=1e-4) and found["first"] != found["free"]

@@ -9,6 +9,8 @@ from lmoc.view.scene.picture import Anchor, Item, Label, Path, Point, Turn, midd
 from lmoc.view.scene.strip import ARROW, THICK
 from lmoc.view.scene.text import width
 
+WITHIN = 12.0  # px, an arrow inside of a body
+
 
 def force(layout: Layout, node: int, element: Element, high: float) -> None:
     """An arrow along +q: from the free side of the body, or below it."""
@@ -79,9 +81,12 @@ def coordinate(layout: Layout, node: int, low: float, high: float) -> None:
     end = Anchor(*at)
     if not layout.upright and crowded(layout, node, low / layout.pitch - 1):
         pushed = any(e.symbol == "force" for e in layout.strip.on[node])
+        foot = Anchor(at[0], layout.place(0.0, high)[1])
         if not pushed and not crowded(layout, node, high / layout.pitch + 1):
-            end = Anchor(at[0], layout.place(0.0, high)[1])
-            coordinate_below(layout, node, end, thick)
+            coordinate_below(layout, node, foot, thick)
+            return
+        if layout.strip.bodies(node) and WITHIN + width(text, 13) + 10 < 2 * layout.half[node]:
+            coordinate_within(layout, node, foot)
             return
     if not layout.upright and is_loose(layout, node):
         shapes = (Label(text, (0, ARROW + 10, 0), "start"),)
@@ -118,6 +123,15 @@ def coordinate_below(layout: Layout, node: int, end: Anchor, thick: float) -> No
     variables = {"coordinate": layout.style.variables[node]}
     tail, tip = (0.0, thick + 19), (ARROW, thick + 19)
     layout.labels.append(symbols.arrow("coordinate", "", end, tail, tip, "ink", 1.2, shapes, variables))
+
+
+def coordinate_within(layout: Layout, node: int, end: Anchor) -> None:
+    """A short arrow at the foot of a body, around which nothing is free."""
+    text, y = layout.style.coordinates[node], THICK - 10.0
+    left = -(WITHIN + 4 + width(text, 13)) / 2
+    label = Label(text, (0, left + WITHIN + 4, y), "start")
+    variables, tail, tip = {"coordinate": layout.style.variables[node]}, (left, y), (left + WITHIN, y)
+    layout.labels.append(symbols.arrow("coordinate", "", end, tail, tip, "ink", 1.2, (label,), variables))
 
 
 def frame(layout: Layout, element: Element, base: int, flange: int) -> None:
