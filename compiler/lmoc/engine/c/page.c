@@ -78,14 +78,14 @@ static void keep(void *own) {
 static int make_room(lmoc_page *p) {
   const int64_t n = p->n, m = p->unknown_count;
   const int64_t functions = 2*p->laws.run.k.laws.count + lmoc_roots(&p->events.instant);
-  const int64_t most = p->size + 40*n + 4*m + 4*functions + 8;
+  const int64_t most = p->size + 40*n + 4*m + 5*functions + 8;
   double *at = p->w = calloc((size_t)most, sizeof(double));
   if (!at) return 0;
   at += p->size;
 #define TAKE(name, count) (p->name = at, at += (count))
   TAKE(x, n), TAKE(answer, n), TAKE(atol, n), TAKE(f, n), TAKE(begin, n), TAKE(steps.x_new, n), TAKE(steps.k, 16*n);
   TAKE(steps.last, n), TAKE(steps.terms, 7*n), TAKE(steps.x, n), TAKE(call.x, 3*n), TAKE(call.solution, 3*m);
-  TAKE(sides, functions), TAKE(values, functions), TAKE(finder.signs, functions);
+  TAKE(sides, functions), TAKE(values, functions), TAKE(now, functions), TAKE(finder.signs, functions), TAKE(place, 2*n);
 #undef TAKE
   p->finder.which = (uint8_t *)at;
   return 1;
@@ -185,4 +185,21 @@ void lmoc_page_mark(lmoc_page *p) {
 void lmoc_page_go_back(lmoc_page *p) {
   lmoc_page_choose(p);
   if (p->call.marked) lmoc_go_back(&p->call);
+}
+
+/* ------------------------------------------------------------------ least squares */
+
+double *lmoc_page_matrix(lmoc_page *p, int order) {
+  const size_t n = (size_t)order;
+  free(p->matrix);
+  p->order = order;
+  return p->matrix = calloc(2*n*n + 3*n, sizeof(double));
+}
+
+double *lmoc_page_least_squares(lmoc_page *p, double share) {
+  const int64_t n = p->order;
+  double *u = p->matrix, *right = u + n*n, *v = right + n, *values = v + n*n, *found = values + n;
+  lmoc_singular_values(n, n, u, v, values);
+  lmoc_least_squares(n, u, v, values, share, right, found);
+  return found;
 }

@@ -51,22 +51,24 @@ double lmoc_page_told(const lmoc_page *p, int which);
 int lmoc_page_within(lmoc_page *p, double time);
 void lmoc_page_jump(lmoc_page *p);
 
-/* Functions whose change of sign ends a piece that begins with the state: how many, and how many of them are of laws; the signs
+/* Functions whose change of sign ends a piece that begins with the state: how many; the signs
    that they begin with, 0 where it is that of their value; their values for a state. */
 int lmoc_page_roots(lmoc_page *p, double time);
-int lmoc_page_law_roots(const lmoc_page *p);
 double *lmoc_page_sides(lmoc_page *p);
 double *lmoc_page_root_values(lmoc_page *p, double time);
 
 /* Follow them from the state at a time on. The time within the last step at which one of them comes to have another sign, where
-   the answer is the state: infinity where none does, -infinity where there are no values, NaN where there is no memory; and
-   which of them vanish there. */
+   the answer is the state: infinity where none does, -infinity where there are no values, NaN where there is no memory. */
 void lmoc_page_follow(lmoc_page *p, double time);
 double lmoc_page_root(lmoc_page *p);
-uint8_t *lmoc_page_which(lmoc_page *p);
 
-/* Events. What they ask and change stands in the state; what it comes to is that of an instant, or of hops. The host sets
-   which functions cross zero, 1 or 2, (zeros,); `told` are numbers of conditions of which something is to be said. */
+/* Room for a square matrix, by rows, with a right side behind it, all zero; no place where there is none. And the shortest vector
+   that comes nearest to it, where singular values up to a share of the largest one count as none. */
+double *lmoc_page_matrix(lmoc_page *p, int order);
+double *lmoc_page_least_squares(lmoc_page *p, double share);
+
+/* Events. What they ask and change stands in the state; what it comes to is that of an instant, or of hops. `told` are numbers
+   of conditions of which something is to be said. */
 void lmoc_page_begin_events(lmoc_page *p, double time, double span);
 void lmoc_page_literal(lmoc_page *p, int is);               /* relations of time are taken as they are written */
 int lmoc_page_take(lmoc_page *p, double time);
@@ -75,33 +77,35 @@ void lmoc_page_assign(lmoc_page *p);
 int lmoc_page_reinit(lmoc_page *p, double time);            /* 0, or 1 where the answer is another state; 2 where it has none */
 double lmoc_page_next(lmoc_page *p, double time, int include);
 
-/* All that happens at an instant, by what changes beside samples that are due: nothing 0, functions that cross zero 1, those
-   that turn back 2, the run ends 3, or that it begins 4. The answer is the state behind it; -1 - k where the motion needs the
-   derivative of the k-th that steps. Then the next time event, whether one was due, what energy the jump of states has cost,
-   and whether they have jumped. */
+/* What happens at an instant, as the run begins (`LMOC_BEGINS`) or nothing else has changed than samples that are due, 0. The
+   answer is the state behind it; -1 - k where the motion needs the derivative of the k-th that steps. Then the next time event;
+   what it is called: when 0, time 1, terminal 2; and what energy the jump of states has cost. */
 int lmoc_page_event(lmoc_page *p, double time, int change);
 double lmoc_page_happened(const lmoc_page *p, int which);
 double *lmoc_page_before(lmoc_page *p);                     /* (discrete,) values before it */
 int lmoc_page_told_count(const lmoc_page *p);
 int lmoc_page_told_of(const lmoc_page *p, int k);
-double *lmoc_page_crossing(lmoc_page *p);
-int lmoc_page_cross(lmoc_page *p, double time);             /* LMOC_SETTLED, or 100 + which of them chatters, … */
-int lmoc_page_turned_back(lmoc_page *p, double time);       /* … 1 where some turn back at once … */
 
 /* Laws. Registers with all of them open, and as the mode that holds says; what happens is 0 or why there is no way, as of
-   `law_run.h`, and the answer is the state behind it. The host writes which root functions vanish, (2 laws,). */
+   `law_run.h`, and the answer is the state behind it. */
 void lmoc_page_begin_laws(lmoc_page *p, double moment);
 void lmoc_page_open(lmoc_page *p);
 void lmoc_page_hold(lmoc_page *p);
 double *lmoc_page_errors(lmoc_page *p);
 int lmoc_page_start_laws(lmoc_page *p, double time);
-uint8_t *lmoc_page_vanishing(lmoc_page *p);
-int lmoc_page_laws_happen(lmoc_page *p, double time);
+int lmoc_page_laws_happen(lmoc_page *p, double time, const uint8_t *roots); /* which of their functions vanish; or 0 */
 
 /* Laws have left this state, with the discrete values before an event; and behind it, let laws and discrete equations answer
    each other from the state as it is now. The host is told of each. */
 void lmoc_page_left(lmoc_page *p);
 int lmoc_page_settle(lmoc_page *p, double time);
+
+/* All that follows where a piece has ended with the state, at a root of the functions or not, in a run that began at a time: 0,
+   OVER at its end, or why laws leave no way. The answer is the state behind it, at the time of the instant. The host is told
+   of each thing that happens. */
+enum { LMOC_OVER = -2 };
+int lmoc_page_after(lmoc_page *p, double ended, double begin, int root);
+double lmoc_page_instant(const lmoc_page *p);
 
 int lmoc_page_laws_drift(const lmoc_page *p);
 int lmoc_page_keep(lmoc_page *p, double time, double share);

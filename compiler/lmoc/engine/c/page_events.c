@@ -7,7 +7,6 @@
 /* ------------------------------------------------------------------ what is asked */
 
 static const double CONTINUOUS = 1e-9;  /* share of a value by which it may change at an event and still be continuous */
-enum { CROSSED = 1, BACK, ENDS, BEGINS };     /* what changes at an instant beside the samples that are due */
 
 static int evaluated(lmoc_page *p, int64_t program, double time, const double *x) {
   memmove(p->x, x, p->n * sizeof(double));
@@ -150,6 +149,8 @@ void lmoc_page_begin_events(lmoc_page *p, double time, double span) {
   for (int64_t k = 0; k < e->zeros; k++) v->hops.home[k] = -INFINITY;
   for (int64_t k = 0; k < e->zeros * LMOC_CHATTER; k++) v->hops.times[k] = -INFINITY;
   for (int64_t k = 0; k < e->relations; k++) e->early[k] = 0;
+  v->next = INFINITY;
+  p->reached = -INFINITY;
   v->hops.begin = time;
   v->hops.span = span;
   e->time = time;
@@ -233,24 +234,25 @@ int lmoc_page_event(lmoc_page *p, double time, int change) {
   page_events *v = &p->events;
   lmoc_instant *e = &v->instant;
   /* also where something else has ended the piece at the same instant */
-  v->due = change != BEGINS && time >= v->next - lmoc_near_to(time);
+  v->due = change != LMOC_BEGINS && time >= v->next - lmoc_near_to(time);
+  v->kind = change == LMOC_ENDS ? 2 : v->due;
   memcpy(v->begun, p->x, p->n * sizeof(double));
   memcpy(p->answer, p->x, p->n * sizeof(double));
   for (int64_t i = 0; i < e->discrete; i++) v->held[i] = e->v[e->own[i]];
-  const int found = lmoc_happen(e, time, p->answer, v->due ? v->next : NAN, change == CROSSED ? v->which : 0,
-                                change == BACK ? v->turn : 0, change == ENDS ? v->terminal : -1);
-  if (found || change == BEGINS) return found;
+  const int found = lmoc_happen(e, time, p->answer, v->due ? v->next : NAN, change == LMOC_CROSSED ? v->which : 0,
+                                change == LMOC_BACK ? v->turn : 0, change == LMOC_ENDS ? v->terminal : -1);
+  if (found || change == LMOC_BEGINS) return found;
   v->next = lmoc_next_time(e, v->due ? v->next : time, 0);
   book_jump(p, time);
   const int64_t wrong = book_steps(p, time);
   if (wrong >= 0) return -1 - (int)wrong;
-  if (change == CROSSED) lmoc_leave_zero(e, v->which);
+  if (change == LMOC_CROSSED) lmoc_leave_zero(e, v->which);
   return LMOC_SETTLED;
 }
 
 double lmoc_page_happened(const lmoc_page *p, int which) {
   const page_events *v = &p->events;
-  const double all[] = {v->next, (double)v->due, v->lost, (double)v->instant.jumped};
+  const double all[] = {v->next, (double)v->kind, v->lost};
   return all[which];
 }
 

@@ -124,6 +124,7 @@ void lmoc_page_begin_laws(lmoc_page *p, double moment) {
   const int64_t n = l->run.k.laws.count;
   l->free.w[0] = l->free.w[1] = p->w;
   l->run.moment = moment;
+  p->reached = -INFINITY;
   for (int64_t k = 0; k < n; k++) {
     const int32_t own = l->restitution_of[k], stick = l->free.quantity[4*n + k];
     l->restitution[k] = own < 0 ? 0 : p->w[own];
@@ -150,75 +151,17 @@ int lmoc_page_start_laws(lmoc_page *p, double time) {
   return answered(p, failed ? failed : lmoc_law_start(s, time, p->answer));
 }
 
-uint8_t *lmoc_page_vanishing(lmoc_page *p) { return p->laws.which; }
-
-int lmoc_page_laws_happen(lmoc_page *p, double time) {
-  memcpy(p->answer, p->x, p->n * sizeof(double));
-  return answered(p, lmoc_law_happen(&p->laws.run, time, p->answer, p->laws.which, 0));
-}
-
-/* ------------------------------------------------------------------ laws and discrete equations */
-
-#if defined(__wasm__)
-#define HOST(name) __attribute__((import_module("host"), import_name(name)))
-HOST("laws") void lmoc_host_laws(void);               /* is told of what laws have done … */
-HOST("event") void lmoc_host_event(int found);        /* … and the discrete equations */
-#else
-static void lmoc_host_laws(void) {}
-static void lmoc_host_event(int found) { (void)found; }
-#endif
-
-/* Exchange the discrete values for those that are kept. */
-static void swap(lmoc_page *p) {
-  const lmoc_instant *e = &p->events.instant;
-  for (int64_t i = 0; i < e->discrete; i++) {
-    const double kept = p->events.past[i];
-    p->events.past[i] = e->v[e->own[i]];
-    e->v[e->own[i]] = kept;
+int lmoc_page_laws_happen(lmoc_page *p, double time, const uint8_t *roots) {
+  page_laws *l = &p->laws;
+  const lmoc_law_run *s = &l->run;
+  const int64_t n = s->k.laws.count;
+  int64_t second = n;
+  for (int64_t k = 0; k < n; k++) {
+    l->which[k] = roots && roots[k];
+    l->which[n + k] = roots && s->closed[k] && !s->k.laws.complementary[k] && roots[second++];
   }
-  p->switched = 1;
-}
-
-static void keep(lmoc_page *p) {
-  const lmoc_instant *e = &p->events.instant;
-  for (int64_t i = 0; i < e->discrete; i++) p->events.past[i] = e->v[e->own[i]];
-}
-
-static int renew(void *owner) {
-  swap(owner);
-  return 0;
-}
-
-static int happened(void *owner) {
-  lmoc_page_hold(owner);
-  lmoc_host_laws();
-  return 0;
-}
-
-static int settle(void *owner, double time, double *x) {
-  lmoc_page *p = owner;
-  keep(p);
-  memcpy(p->x, x, p->n * sizeof(double));
-  const int found = lmoc_page_event(p, time, 0);
-  lmoc_host_event(found);
-  memcpy(x, p->answer, p->n * sizeof(double));
-  swap(p);
-  return found;
-}
-
-void lmoc_page_left(lmoc_page *p) {
-  keep(p);
-  memcpy(p->events.left, p->x, p->n * sizeof(double));
-}
-
-int lmoc_page_settle(lmoc_page *p, double time) {
-  const lmoc_discrete discrete = {p, renew, happened, settle};
-  page_events *v = &p->events;
-  memcpy(v->state, p->x, p->n * sizeof(double));
-  swap(p);
-  const int found = lmoc_law_settle(&p->laws.run, &discrete, time, v->left, v->state);
-  memcpy(p->answer, v->state, p->n * sizeof(double));
-  return answered(p, found);
+  memcpy(p->answer, p->x, p->n * sizeof(double));
+  return answered(p, lmoc_law_happen(&l->run, time, p->answer, l->which, 0));
 }
 
 /* ------------------------------------------------------------------ what stays closed */

@@ -5,6 +5,7 @@
 
 #include "beside.h"
 #include "coordinates.h"
+#include "dense.h"
 #include "free_dynamics.h"
 #include "hops.h"
 #include "law_run.h"
@@ -33,7 +34,7 @@ typedef struct {
   double *begun, *held, *steps;       /* (n,), (discrete,) states and values before an event; room */
   double *left, *state, *past;        /* (n,), (n,), (discrete,) as laws have left them; room */
   double next, lost;                  /* s, of the next time event; J, that the last event has cost */
-  int due;
+  int due, kind;                      /* whether a time event is; what it is called: when 0, time 1, terminal 2 */
 } page_events;
 
 /* Its laws. */
@@ -77,7 +78,10 @@ struct lmoc_page {
   int method;                         /* `page_steps.c` */
   lmoc_finder finder;                 /* the functions whose signs end a piece: of laws first, then of events */
   int64_t law_roots;
-  double *sides, *values;
+  double *sides, *values, *now, *place;
+  double instant, reached;            /* s, of what happens, and of the latest before */
+  double *matrix;                     /* of least squares, (order, order), and what is solved with it */
+  int64_t order;
   page_events events;
   page_laws laws;
   page_coordinates coordinates;
@@ -96,6 +100,12 @@ int64_t lmoc_page_room_of_radau(lmoc_page *p);              /* doubles */
 int lmoc_page_watch_laws(lmoc_page *p, double time);
 void lmoc_page_law_values(lmoc_page *p, double time, double *out);
 void lmoc_page_edge_values(lmoc_page *p, double time, double *out);
+
+/* Events: what changes at an instant beside samples that are due. */
+enum { LMOC_CROSSED = 1, LMOC_BACK, LMOC_ENDS, LMOC_BEGINS };
+double *lmoc_page_crossing(lmoc_page *p);                   /* the functions, 1 or 2: upwards */
+int lmoc_page_cross(lmoc_page *p, double time);             /* LMOC_SETTLED, or 100 + which of them chatters, … */
+int lmoc_page_turned_back(lmoc_page *p, double time);       /* … 1 where some turn back at once, 2 where nothing has values */
 
 /* Read the events behind the programs (`page_events.c`). */
 void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b);

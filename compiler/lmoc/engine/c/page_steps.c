@@ -152,7 +152,6 @@ int lmoc_page_roots(lmoc_page *p, double time) {
   return (int)(p->finder.count = p->law_roots + lmoc_roots(&p->events.instant));
 }
 
-int lmoc_page_law_roots(const lmoc_page *p) { return (int)p->law_roots; }
 double *lmoc_page_sides(lmoc_page *p) { return p->sides; }
 
 double *lmoc_page_root_values(lmoc_page *p, double time) {
@@ -189,5 +188,3 @@ double lmoc_page_root(lmoc_page *p) {
   if (found == LMOC_ROOT && lmoc_page_within(p, time)) return time;
   return found == LMOC_ROOTS_NO_MEMORY ? NAN : -INFINITY;
 }
-
-uint8_t *lmoc_page_which(lmoc_page *p) { return p->finder.which; }

@@ -65,7 +65,6 @@ class _Events:
         data = {
             "discrete": self.of(events.discrete).tolist(),
             "unheld": before[:, ~np.isin(events.before[0], events.discrete)].T.tolist(),
-            "zeros": {"count": len(self.zeros), "rounded": np.flatnonzero(self.layout.rounded).tolist()},
             "texts": [self.layout.relation_at(k).text for k in range(self.layout.zero_count)],
             "news": news,
             "initialEquations": initial_data,

@@ -11,9 +11,6 @@ const CULPRIT = 100; // and more: which condition switches back and forth
 /** A distance in time that does not count: some units of the last digit. */
 export const nearTo = (t) => 4e-15 * Math.max(Math.abs(t), 1e-300);
 
-/** By what the place of a root may be wrong: some units of the time's last digit, and of a sum of steps. */
-export const located = (t, start) => 1e-14 * Math.max(Math.abs(t), Math.abs(start)) + 1e-12 * (t - start);
-
 export class DiscreteState {
   constructor(scene) {
     const { data, programs } = scene;
@@ -70,8 +67,8 @@ export class DiscreteState {
   }
 
   /**
-   * What has been carried out at an instant, and booked: {x, before, told, next, due, lost, jumped}, the states behind it, the
-   * discrete values before it, the numbers of what is to be told, the next time event, whether one was due, and the energy.
+   * What has been carried out at an instant, and booked: {x, before, told, kind, lost}, the states behind it, the discrete
+   * values before it, the numbers of what is to be told, what it is called, and the energy that it has cost.
    */
   outcome(found, t) {
     const { exports, page, own, programs } = this;
@@ -80,8 +77,8 @@ export class DiscreteState {
     this.judge(found, t);
     const before = new Float64Array(programs.buffer, exports.lmoc_page_before(page), own.discrete.length);
     const told = Array.from({ length: exports.lmoc_page_told_count(page) }, (_, k) => exports.lmoc_page_told_of(page, k));
-    const [next, due, lost, jumped] = [0, 1, 2, 3].map((which) => exports.lmoc_page_happened(page, which));
-    return { x: Float64Array.from(programs.answer), before, told, next, due: due !== 0, lost, jumped: jumped !== 0 };
+    const [kind, lost] = [1, 2].map((which) => exports.lmoc_page_happened(page, which));
+    return { x: Float64Array.from(programs.answer), before, told, kind, lost };
   }
 
   /** The states with the values that `reinit` gives them; null where it gives none. */
@@ -96,17 +93,8 @@ export class DiscreteState {
     return this.exports.lmoc_page_next(this.page, t, Number(include));
   }
 
-  /** Take note of functions that cross zero, 1, or of rounded ones the next whole number, 2. */
-  cross(t, x, which) {
-    const { exports, page, programs } = this;
-    new Float64Array(programs.buffer, exports.lmoc_page_crossing(page), which.length).set(which);
-    this.judge(this.ask("cross", t, x), t);
-  }
-
-  /** Whether a jump of states sends some back to the side they came from. */
-  turnedBack(t, x) {
-    const found = this.ask("turned_back", t, x);
-    if (found > 1) this.judge(found === 2 ? NO_VALUE : found, t);
-    return found === 1;
+  /** s, of the next time event. */
+  get next() {
+    return this.exports.lmoc_page_happened(this.page, 0);
   }
 }

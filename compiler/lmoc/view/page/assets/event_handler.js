@@ -5,7 +5,8 @@ import { Stopped } from "./stopped.js";
 
 const START_ROUNDS = 50; // of finding states and discrete values at the start that agree
 const LEAST_LOOKS = 120; // steps at least in a run with relations of time that are not linear in it
-const [CROSSED, BACK, ENDS, BEGINS] = [1, 2, 3, 4]; // what changes at an instant beside samples that are due
+const BEGINS = 4; // what changes at an instant, as `engine/c/page_scene.h` has it
+const KINDS = ["when", "time", "terminal"];
 
 export class EventHandler {
   constructor(scene) {
@@ -14,7 +15,6 @@ export class EventHandler {
     this.discrete = new DiscreteState(scene);
     this.places = this.own.told.map(({ register }) => this.own.discrete.indexOf(register));
     this.records = [];
-    this.next = Infinity;
   }
 
   /** States and discrete values that agree, behind what happens at the start. `states()` finds the states. */
@@ -23,8 +23,8 @@ export class EventHandler {
     let x = this.firstStates(states);
     discrete.literal = false;
     discrete.remember();
-    this.next = discrete.nextTime(begin, true);
-    return this.next <= begin + nearTo(begin) ? this.event(begin, x, "time") : x;
+    if (discrete.nextTime(begin, true) > begin + nearTo(begin)) return x;
+    return this.happened(begin, discrete.ask("event", begin, x));
   }
 
   firstStates(states) {
@@ -61,47 +61,18 @@ export class EventHandler {
 
   /** s, where the present piece ends at the latest. */
   get until() {
-    return Math.min(this.next, this.end);
+    return Math.min(this.discrete.next, this.end);
   }
 
   get longestStep() {
     return this.own.looksAtTime ? (this.end - this.begin) / LEAST_LOOKS : Infinity;
   }
 
-  /** Do what happens where a piece has ended; the states behind it, null at the end of the run. */
-  after(t, x, roots) {
-    const { discrete, own } = this;
-    if (roots !== null) {
-      const { count, rounded } = own.zeros;
-      const which = Array.from({ length: count }, (_, k) => Number(Boolean(roots[k])));
-      rounded.forEach((k, i) => {
-        if (roots[count + i]) which[k] = 2;
-      });
-      discrete.cross(t, x, which);
-      const behind = this.event(t, x, "when", CROSSED);
-      return this.jumped && discrete.turnedBack(t, behind) ? this.event(t, behind, "when", BACK) : behind;
-    }
-    if (t >= this.next - nearTo(t)) return this.event(t, x, "time");
-    if (own.terminal >= 0 && this.scene.w[own.terminal] === 0) return this.event(t, x, "terminal", ENDS);
-    return null;
-  }
-
-  /** The next time event where it is as near to a time as that, else the time. */
-  instant(t, near) {
-    return Math.abs(this.next - t) <= near ? this.next : t;
-  }
-
-  event(t, x, reason, change) {
-    return this.happened(t, reason, this.discrete.ask("event", t, x, change));
-  }
-
   /** Tell of what the engine has carried out; the states behind it. */
-  happened(t, reason, found) {
+  happened(t, found) {
     const { discrete, own } = this;
     const happened = discrete.outcome(found, t);
-    this.next = happened.next;
-    this.jumped = happened.jumped;
-    const kind = happened.due && reason === "when" ? "time" : reason;
+    const kind = KINDS[happened.kind];
     const news = happened.told.map((k) => own.news[k]);
     this.tell(t, kind, news.filter(({ when }) => when), happened.before, happened.lost);
     const broken = news.find(({ error }) => error);

@@ -2,8 +2,9 @@
 // discrete equations, and the laws again where those have changed something that they depend on.
 
 import { EventHandler } from "./event_handler.js";
-import { located } from "./discrete_state.js";
 import { LawSwitching } from "./switching.js";
+
+const OVER = -2; // as `engine/c/page.h` has it
 
 export class HybridDynamics {
   constructor(scene) {
@@ -13,8 +14,6 @@ export class HybridDynamics {
     this.handler = data.events === null ? null : new EventHandler(scene);
     this.records = [];
     this.modes = []; // [since, {law: mode}]
-    this.lawRoots = 0;
-    this.reached = data.begin; // s, of the latest instant
   }
 
   get until() {
@@ -36,7 +35,6 @@ export class HybridDynamics {
   roots(t, x) {
     const roots = this.scene.programs.roots(t, x);
     if (this.laws !== null) this.noteMode(t);
-    this.lawRoots = roots?.laws ?? 0;
     return roots;
   }
 
@@ -62,39 +60,18 @@ export class HybridDynamics {
     return this.settle(begin, x);
   }
 
-  /**
-   * What has ended a piece, {t, x, which}, with all that follows it more closely than the places of roots are known: whether
-   * a state reaches a level an ulp before the tick of a clock, or behind it, is rounding.
-   */
-  together({ t: ended, x, which }, roots) {
-    const { begin } = this.scene.data;
-    const t = this.handler === null || which === null ? ended : this.handler.instant(ended, located(ended, begin));
-    if (roots === null || x.length === 0 || !(t > this.reached)) return { t, x, which };
-    const [rates, ahead] = [new Float64Array(x.length), located(t, begin)];
-    this.scene.rates(t, x, rates);
-    const now = roots.value(t, x);
-    const then = roots.value(t + ahead, x.map((v, j) => v + ahead * rates[j]));
-    const soon = roots.signs.map((s, k) => !which?.[k] && s * then[k] < 0 && s * then[k] < s * now[k]);
-    return { t, x, which: soon.some(Boolean) ? soon.map((s, k) => s || Boolean(which?.[k])) : which };
-  }
-
-  /** The states behind what has ended a piece at {t, x, which}; null at the end of the run. */
-  after({ t, x, which }) {
-    const { rtol, atol } = this.scene.data;
-    if (this.laws !== null) this.laws.allow(x.map((v, j) => rtol * Math.abs(v) + atol[j]));
-    this.reached = t;
-    const ofLaws = which === null ? [] : [...which].slice(0, this.lawRoots);
-    let state = x;
-    if (ofLaws.some(Boolean)) {
-      const [behind, events] = this.laws.happen(t, x, ofLaws);
-      this.records.push(...events);
-      state = behind;
-    }
-    if (this.handler === null) return which === null ? null : state;
-    if (this.laws !== null) this.leave(state);
-    const behind = this.handler.after(t, state, which === null ? null : [...which].slice(this.lawRoots));
-    this.collect();
-    return behind === null || this.laws === null ? behind : this.settle(t, behind);
+  /** The states behind what has ended a piece, by a `root` or not, and when that was: {t, behind}, null at the end of the run. */
+  after({ t: ended, x, root }) {
+    const { data, programs } = this.scene;
+    const { exports, page } = programs;
+    if (this.laws !== null) this.laws.allow(x.map((v, j) => data.rtol * Math.abs(v) + data.atol[j]));
+    Object.assign(programs, { dynamics: this });
+    programs.x.set(x);
+    const found = programs.checkedStatus(exports.lmoc_page_after(page, ended, data.begin, Number(root)));
+    const t = exports.lmoc_page_instant(page);
+    if (found === OVER) return { t, behind: null };
+    this.laws?.judge(t, found);
+    return { t, behind: Float64Array.from(programs.answer) };
   }
 
   /** Laws have left the states so, with the discrete values before an event. */
@@ -108,7 +85,6 @@ export class HybridDynamics {
   settle(t, x) {
     const { programs } = this.scene;
     Object.assign(programs, { dynamics: this });
-    this.instant = t;
     programs.x.set(x);
     this.laws.judge(t, programs.exports.lmoc_page_settle(programs.page, t));
     return Float64Array.from(programs.answer);
@@ -119,7 +95,8 @@ export class HybridDynamics {
   }
 
   tellEvent(found) {
-    this.handler.happened(this.instant, "when", found);
+    const { exports, page } = this.scene.programs;
+    this.handler.happened(exports.lmoc_page_instant(page), found);
     this.collect();
   }
 

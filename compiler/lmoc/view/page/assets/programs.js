@@ -54,6 +54,19 @@ export class Programs {
     return status;
   }
 
+  /** The shortest vector that minimizes |matrix·x − right|; singular values below a share of the largest count as none. */
+  leastSquares(matrix, right, share) {
+    const { exports, page, buffer } = this;
+    const n = Math.max(matrix.length, matrix[0].length);
+    const room = exports.lmoc_page_matrix(page, n);
+    this.checked(0);
+    if (room === 0) throw new Error("there is no memory for a matrix");
+    const own = new Float64Array(buffer, room, n * (n + 1));
+    matrix.forEach((row, i) => own.set(row, i * n));
+    own.set(right, n * n);
+    return new Float64Array(buffer, exports.lmoc_page_least_squares(page, share), matrix[0].length).slice();
+  }
+
   sample(time) {
     this.exports.lmoc_page_sample(this.page, time);
   }
@@ -68,12 +81,11 @@ export class Programs {
     this.exports.lmoc_page_seed(this.page);
   }
 
-  /** The functions whose signs end a piece that begins at a place: `laws` of them are of laws. Null where there are none. */
+  /** The functions whose signs end a piece that begins at a place, {signs, value}; null where there are none. */
   roots(t, x) {
     const { exports, page, buffer } = this;
     this.x.set(x);
     const count = exports.lmoc_page_roots(page, t);
-    this.rootCount = count;
     this.checked(0);
     if (count === 0) return null;
     const value = (time, state) => {
@@ -81,6 +93,6 @@ export class Programs {
       return new Float64Array(buffer, exports.lmoc_page_root_values(page, time), count).slice();
     };
     const signs = [...new Float64Array(buffer, exports.lmoc_page_sides(page), count)];
-    return { signs, value, laws: exports.lmoc_page_law_roots(page) };
+    return { signs, value };
   }
 }

@@ -1,7 +1,5 @@
 // A start that is reached by the hand: the states at which a point of the picture is nearest to a place.
 
-import { leastSquares } from "./matrix.js";
-
 const REACHING_ROUNDS = 12; // of Gauss and Newton
 const ASIDE = 1e-6; // of a state and 1, for differences
 const NEAR_ENOUGH = 1e-3; // px
@@ -36,7 +34,7 @@ export function reach(scene, x, point, to) {
       if (k === RESTORED || allowed(there)) return [state, there];
       const short = there.gap.flatMap((gap, i) => (gap < least[i] ? [i] : []));
       const rows = short.map((i) => columns.map((c) => c.gap[i]));
-      leastSquares(rows, short.map((i) => least[i] - there.gap[i]), RANK).forEach((v, i) => (state[columns[i].j] += v));
+      scene.programs.leastSquares(rows, short.map((i) => least[i] - there.gap[i]), RANK).forEach((v, i) => (state[columns[i].j] += v));
     }
   };
   let [state, now] = [Float64Array.from(x), first];
@@ -46,7 +44,7 @@ export function reach(scene, x, point, to) {
     counting = columns.map(({ j }) => j);
     if (counting.length === 0) break;
     const step = new Float64Array(x.length);
-    direction(columns, now).forEach((v, k) => (step[counting[k]] = v));
+    direction(scene.programs, columns, now).forEach((v, k) => (step[counting[k]] = v));
     let better = null;
     for (let k = 0, share = 1; k < SHORTENED && better === null; k++, share /= 2) {
       const [next, there] = restored(state.map((v, j) => v + share * step[j]), columns);
@@ -72,12 +70,12 @@ function derivatives(measure, x, now, counting) {
 }
 
 /** The step of least squares: towards the place, and along those gaps that it would close. */
-function direction(columns, now) {
+function direction(programs, columns, now) {
   let closing = [];
   for (;;) {
     const rows = [0, 1].map((k) => columns.map((c) => c.point[k]));
     for (const k of closing) rows.push(columns.map((c) => FIRM * c.gap[k]));
-    const step = leastSquares(rows, [...now.miss, ...closing.map((k) => -FIRM * Math.max(now.gap[k], 0))], RANK);
+    const step = programs.leastSquares(rows, [...now.miss, ...closing.map((k) => -FIRM * Math.max(now.gap[k], 0))], RANK);
     const passed = now.gap.flatMap((gap, k) => {
       const change = columns.reduce((sum, c, j) => sum + c.gap[k] * step[j], 0);
       return gap + change < -MISSED_GAP && !closing.includes(k) ? [k] : [];

@@ -115,7 +115,7 @@ export class Run {
     for (; pulls[this.pulled]?.[0] <= t; this.pulled++) this.put(pulls[this.pulled][1]);
     const laws = scene.dynamics?.laws ?? null;
     if (laws === null) return x;
-    const [behind, events] = laws.happen(t, x, []); // a force that jumps may close or open them
+    const [behind, events] = laws.happen(t, x); // a force that jumps may close or open them
     scene.dynamics.records.push(...events);
     return behind;
   }
@@ -134,7 +134,7 @@ export class Run {
       const end = Math.min(until, this.horizon, this.pulls[this.pulled]?.[0] ?? Infinity);
       while (this.reached < times.length && times[this.reached] <= begin) this.record(times[this.reached], x);
       const roots = dynamics?.roots(begin, x) ?? null;
-      let outcome = serve ? this.piece(begin, x, end, roots) : { t: begin, x, which: null, changes: true, stuck: false };
+      const outcome = serve ? this.piece(begin, x, end, roots) : { t: begin, x, root: false, changes: true, stuck: false };
       serve = true;
       this.steps++; // a piece may end within its first step, again and again
       if (this.steps > this.mostSteps) this.reason = "it takes too many steps";
@@ -146,23 +146,22 @@ export class Run {
         ({ t: begin, x, serve } = onward);
         continue;
       }
-      if (end < until && outcome.which === null) {
+      if (end < until && !outcome.root) {
         [begin, x] = [outcome.t, outcome.x];
         if (end === this.horizon) yield { t: begin, x };
         continue;
       }
-      if (dynamics !== null) outcome = dynamics.together(outcome, roots);
-      const behind = dynamics === null ? null : dynamics.after(outcome);
+      const { t, behind } = dynamics === null ? { t: outcome.t, behind: null } : dynamics.after(outcome);
       if (behind === null) {
         while (this.reached < times.length && times[this.reached] <= data.end) this.record(times[this.reached], outcome.x);
         return;
       }
       const last = times[this.reached - 1];
-      if (this.reached && outcome.t >= last && outcome.t - last <= SAME * Math.abs(outcome.t)) {
+      if (this.reached && t >= last && t - last <= SAME * Math.abs(t)) {
         this.reached--; // the value at an event is the one behind it
         this.record(last, behind);
       }
-      [begin, x] = [outcome.t, behind];
+      [begin, x] = [t, behind];
       serve = this.watched(begin, x);
     }
   }
@@ -255,14 +254,14 @@ export class Run {
     return false;
   }
 
-  /** Integrate to `end`, or to the first root before: {t, x, which}; `which` is null where there was none. */
+  /** Integrate to `end`, or to the first root before: {t, x, root}, and whether there was one. */
   piece(from, x, end, roots) {
     const { scene } = this;
     if (x.length === 0 && roots === null) {
       while (this.reached < this.times.length && this.times[this.reached] <= end) this.record(this.times[this.reached], x);
-      return { t: end, x, which: null };
+      return { t: end, x, root: false };
     }
-    if (end - from <= NO_TIME * Math.max(Math.abs(from), Math.abs(end))) return { t: Math.max(from, end), x, which: null };
+    if (end - from <= NO_TIME * Math.max(Math.abs(from), Math.abs(end))) return { t: Math.max(from, end), x, root: false };
     const later = [...scene.data.bounds.slice(1).map(([edge]) => edge), this.short?.until ?? end];
     const edges = [...scene.breaks(from, end), ...later.filter((edge) => edge > from && edge < end)];
     let [begin, state] = [from, x];
@@ -274,10 +273,10 @@ export class Run {
       }
       if (begin >= end) break;
       const outcome = this.smooth(begin, state, Math.min(end, edge - margin / 2), Math.min(edge + margin, end), roots);
-      if (outcome.which !== null || outcome.changes || this.reason !== "") return outcome;
+      if (outcome.root || outcome.changes || this.reason !== "") return outcome;
       [begin, state] = [edge + margin / 2, outcome.x];
     }
-    return { t: end, x: state, which: null };
+    return { t: end, x: state, root: false };
   }
 
   /** Integrate where nothing jumps; output times up to `until` belong to it. */
@@ -326,7 +325,7 @@ export class Run {
       this.judge(method);
     }
     this.count(method);
-    return { t: end, x: Float64Array.from(method.x), which: null };
+    return { t: end, x: Float64Array.from(method.x), root: false };
   }
 
   /** Go on from the state that has been found for the end of the last step. */
@@ -339,7 +338,7 @@ export class Run {
   /** The end of a piece whose coordinates have become bad. */
   stopped(method, t, x, stuck) {
     this.count(method);
-    return { t, x: Float64Array.from(x), which: null, changes: true, stuck };
+    return { t, x: Float64Array.from(x), root: false, changes: true, stuck };
   }
 
   judge(method) {

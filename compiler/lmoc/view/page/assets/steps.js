@@ -77,7 +77,7 @@ export class Steps {
     programs.exports.lmoc_page_follow(programs.page, t);
   }
 
-  /** Where in the last step the first of them changes its sign, and which vanish there, {t, x, which}; null where none does. */
+  /** Where in the last step the first of them changes its sign, {t, x, root}; null where none does. */
   root() {
     const { programs } = this;
     const t = programs.exports.lmoc_page_root(programs.page);
@@ -85,7 +85,6 @@ export class Steps {
     if (Number.isNaN(t)) throw new Error("there is no memory to look for events");
     if (t === -Infinity) this.missing();
     if (t === Infinity) return null;
-    const which = [...new Uint8Array(programs.buffer, programs.exports.lmoc_page_which(programs.page), programs.rootCount)];
-    return { t, x: Float64Array.from(programs.answer), which };
+    return { t, x: Float64Array.from(programs.answer), root: true };
   }
 }

@@ -5,7 +5,7 @@ import { Stopped } from "./stopped.js";
 
 const KEPT = 1e-14; // share of its terms by which what is closed may miss zero at output times
 const MOMENT = 1e-10; // share of the run within which laws that change without end are chattering
-const FIELDS = ["closed", "implied", "direction", "push", "kind", "when", "impulse", "lost", "was", "is", "wrong", "gap", "impactLaw", "complementary"];
+const FIELDS = ["closed", "implied", "direction", "push", "kind", "when", "impulse", "lost", "was", "is", "wrong", "gap", "impactLaw"];
 const [, ACCUMULATION, IMPACT] = [0, 1, 2]; // kinds of `engine/c/law_run.h`; the others are what laws themselves call it
 const IMPACT_LAWS = ["Newton", "Poisson"];
 const REASONS = { 1: "no forces keep them", 3: "no states nearby satisfy them", 4: "no impulses keep them" };
@@ -33,12 +33,6 @@ export class LawSwitching {
   /** Take what the integrator has allowed itself in a step. */
   allow(errors) {
     new Float64Array(this.programs.buffer, this.exports.lmoc_page_errors(this.page), errors.length).set(errors);
-  }
-
-  /** The laws whose forces have a lower limit as well. */
-  stuckFriction() {
-    const [closed, complementary] = [this.all("closed"), this.all("complementary")];
-    return [...closed.keys()].filter((k) => closed[k] && !complementary[k]);
   }
 
   /** Whether anything is closed that the integrator keeps so within its errors alone. */
@@ -71,14 +65,10 @@ export class LawSwitching {
     return this.take(t, this.exports.lmoc_page_start_laws(this.page, t));
   }
 
-  /** The state behind an instant at which root functions vanish, and what happened: [x, events]. */
-  happen(t, x, which) {
-    const { count, exports, page, programs } = this;
-    const vanishing = new Uint8Array(programs.buffer, exports.lmoc_page_vanishing(page), 2 * count).fill(0);
-    for (let k = 0; k < count; k++) vanishing[k] = Number(Boolean(which[k]));
-    this.stuckFriction().forEach((k, i) => (vanishing[count + k] = Number(Boolean(which[count + i]))));
-    programs.x.set(x);
-    return this.take(t, exports.lmoc_page_laws_happen(page, t));
+  /** The state behind an instant at which something else has changed, and what happened: [x, events]. */
+  happen(t, x) {
+    this.programs.x.set(x);
+    return this.take(t, this.exports.lmoc_page_laws_happen(this.page, t, 0));
   }
 
   take(t, status) {
