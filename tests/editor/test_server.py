@@ -98,6 +98,10 @@ async def test_a_session(client, tmp_path):
     context = lsp.CodeActionContext([found])
     (fix,) = await client.text_document_code_action_async(lsp.CodeActionParams(text.id, found.range, context))
     assert changed(text.text, fix.edit.changes[text.uri]) == TEXT
+    text.replace("model First", "// moved\nmodel First")  # its places are others, until it is checked again
+    for again in await client.text_document_code_action_async(lsp.CodeActionParams(text.id, found.range, context)):
+        assert changed(text.text, again.edit.changes[text.uri]) == "// moved\n" + TEXT
+    text.replace("// moved\n", "")
     text.replace("Dampr", "Damper")
     assert list(await text.diagnostics()) == []
 

@@ -216,9 +216,9 @@ def _can_stand(found: object, wanted: str) -> bool:
 def _indices(scope: Scope, offset: int) -> Iterator[Proposal]:
     """The indices of the loops around a place."""
     for node in walk(scope.definition) if scope.definition is not None else ():
-        loop = isinstance(node, tree.For | tree.ForStatement | tree.Comprehension)
-        if loop and node.span.start <= offset <= node.span.end:
-            yield from (Proposal(i.name, "component", "index") for i in node.indices)
+        if isinstance(node, tree.For | tree.ForStatement | tree.Comprehension):
+            around = node.span.start <= offset <= node.span.end
+            yield from (Proposal(i.name, "component", "index") for i in node.indices if around)
 
 
 def _visible(scope: Scope, wanted: str) -> Iterator[Proposal]:

@@ -286,7 +286,8 @@ def inlay_hints(ls: Server, params: lsp.InlayHintParams) -> list[lsp.InlayHint]:
     own = ls.of(uri)
     source = own.analysis.source
     low, high = offset(source, params.range.start), offset(source, params.range.end)
-    found = [*hints.units(own.analysis, own.names), *hints.reductions(own.analysis, ls.checked.get(uri))]
+    _, checked = ls.checked.get(uri, ("", None))
+    found = [*hints.units(own.analysis, own.names), *hints.reductions(own.analysis, checked)]
     return [lsp.InlayHint(position(source, h.at), h.text) for h in found if low <= h.at <= high]
 
 
@@ -308,8 +309,8 @@ def code_actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeActio
     source = ls.of(uri).analysis.source
     low, high = offset(source, params.range.start), offset(source, params.range.end)
     found = []
-    checked = ls.checked.get(uri)
-    for f in checked.findings if checked is not None else ():
+    text, checked = ls.checked.get(uri, ("", None))
+    for f in checked.findings if checked is not None and text == source.text else ():  # else places would be others
         if f.place is None or f.place.file != source.name or not (f.place.start <= high and low <= f.place.end):
             continue
         for fix in fixes(f, source.text):

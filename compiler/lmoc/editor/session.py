@@ -37,7 +37,7 @@ class Server(LanguageServer):
     def __init__(self) -> None:
         super().__init__("lmoc", __version__)
         self.known: dict[str, tuple[str, Others, Known]] = {}  # {uri: (text, the others, what is known of it)}
-        self.checked: dict[str, Checked] = {}
+        self.checked: dict[str, tuple[str, Checked]] = {}  # {uri: (text, what a check of it has found)}
         self._checker: Checker | None = None
         self._last: tuple[str, str, Others, Analysis | None] | None = None  # what was read of a changed text alone
         self._lock = threading.Lock()
@@ -133,7 +133,7 @@ class Server(LanguageServer):
         """Send the diagnostics of a text."""
         uri = uris.from_fs_path(request.path) or request.path
         source = Source(request.path, request.text)
-        self.checked[uri] = checked
+        self.checked[uri] = request.text, checked
         said = [diagnostic(source, f) for f in checked.findings]
         self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, said, request.version))
         able = self.client_capabilities.workspace
