@@ -15,6 +15,7 @@ from lmoc.view.page.hands import elsewhere, run_with_hands, with_hands
 
 AGREES = 1e-6  # of the largest value
 VISIBLE = 1e-3  # from there on a page doubts itself
+SOME = 50  # variables of a large scene
 SHARE = 10  # by which the error of a run may be larger than it was estimated: it and Python's have one each
 
 _BODY = """
@@ -39,7 +40,7 @@ for (const item of data.picture.items) {
   const [answer, finer] = [1, 0.1].map((factor) => repeater.run(times, {}, {}, pulled, factor));
   const said = parting(answer, finer, data.script.names, unitOf, 1e-3);
   const ledger = ["ledger.stored", "ledger.work", "ledger.heat"];
-  const columns = [...ledger, ...states].map((n) => (answer.has(n) ? [...answer.of(n)] : null));
+  const columns = [...ledger, ...states].map((n) => [...answer.of(n)]);
   told.push([held.hand.name, signals, answer.reason, [said.missed, said.from], columns]);
 }
 console.log(JSON.stringify(told));
@@ -53,7 +54,7 @@ class Pulled(NamedTuple):
     kind: str
     stiffness: float
     reason: str  # why the page's run has ended
-    missed: float  # by the states of the page while they are relied on, of the largest of each in Python's run
+    missed: float  # by what is compared while it is relied on, of the largest of each in Python's run
     moved: float  # by the hand in the whole run, likewise
     balance: float  # error of the page's ledger, of the largest energy
     accuracy: float | None  # what the page says of its run, None where a finer run has ended before
@@ -73,14 +74,21 @@ def pulled_everywhere(run):
     if not found.data["script"].get("hands"):
         return []
     data = f"const data = {json.dumps(found.data)};"
-    states = f"const states = {json.dumps(run.states)};"
+    watched = _watched(run, found.data["variables"])
+    states = f"const states = {json.dumps(watched)};"
     times = f"const times = Float64Array.from({json.dumps(run.time.tolist())});"
     told = run_script("\n".join([in_engine("worker.js"), data, states, times, _BODY]))
     _, hands, _ = run_with_hands(run, movers(drawn(run, [])))
-    return [_pulled(run, hands, *one) for one in told]
+    return [_pulled(run, hands, watched, *one) for one in told]
 
 
-def _pulled(run, hands, name, signals, reason, said, columns):
+def _watched(run, variables) -> list[str]:
+    """The states that a page has; other variables where it is too large to have any."""
+    known = [v["name"] for v in variables if "register" in v and not v["name"].startswith("ledger.")]
+    return [name for name in run.states if name in known] or known[:SOME]
+
+
+def _pulled(run, hands, watched, name, signals, reason, said, columns):
     flat = run.reduced.lawful or run.flat
     extended, own, nothing = with_hands(flat, hands)
     hand = next(h for h in own if h.name == name)
@@ -88,14 +96,12 @@ def _pulled(run, hands, name, signals, reason, said, columns):
     truth = run.extended(extended, nothing | inputs)
     if begun := elsewhere(run, truth):  # the page begins where the run does
         truth = run.extended(extended, nothing | inputs, begun)
-    stored, work, heat, *states = (None if c is None else np.array(c, float) for c in columns)
-    held = [(name, own) for name, own in zip(run.states, states, strict=True) if own is not None]
+    stored, work, heat, *states = np.array(columns, float)
     accuracy, doubted = said
     count = min(len(truth.time), len(stored), len(run.time))
     relied = count if doubted is None else min(count, np.searchsorted(run.time, doubted))
     missed = moved = 0.0
-    assert held
-    for state, values in held:
+    for state, values in zip(watched, states, strict=True):
         size = max(1e-6, np.abs(truth[state][:count]).max())
         missed = max(missed, np.abs(values[:relied] - truth[state][:relied]).max(initial=0) / size)
         moved = max(moved, np.abs(run[state][:count] - truth[state][:count]).max() / size)
