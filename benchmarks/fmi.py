@@ -126,7 +126,8 @@ def difference(run, result, names: Iterable[str]) -> float:
 
 def events_of(run, lines: list[str]) -> str:
     """Return how many events of laws come in the same order, of how many; empty without any."""
-    own = [(e.name, e.kind) for e in run.events if e.kind not in ("when", "time", "relation", "change", "sample")]
+    others = "when", "time", "relation", "change", "sample", "step"
+    own = [(e.name, e.kind) for e in run.events if e.kind not in others]
     told = [m.groups() for line in lines if (m := re.match(r"t = \S+ s: (.*): (.*), impulse", line))]
     same = next((k for k, (a, b) in enumerate(zip(own, told, strict=False)) if a != b), min(len(own), len(told)))
     return f" ({same} of {len(own)} events)" if own or told else ""

@@ -290,8 +290,9 @@ def test_a_string_in_a_linkage_stops_its_rocker(tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text, kind, fmi", [(ROW, "ModelExchange", 3), (AMONG, "ModelExchange", 2), (AMONG, "CoSimulation", 3)]
-)
+    "text, kind, fmi",
+    [(ROW, "ModelExchange", 3), (AMONG, "ModelExchange", 2), (AMONG, "CoSimulation", 3), (ROW, "CoSimulation", 2)],
+)  # fmt: skip
 def test_friction_between_springs(tmp_path, text: str, kind: str, fmi: int) -> None:
     """Its forces are states, which give way at once where those of others rise without end."""
     dae = lmoc.compile_text(text.replace("\nend", "\n  annotation(experiment(StopTime = 2));\nend"))

@@ -232,6 +232,33 @@ def test_laws_and_events_where_coordinates_change(fmi, text, by_angle, happens, 
             assert np.abs(own[name] - there).max() < 100 * RTOL * np.abs(there).max(), (kind, steps, name)
 
 
+BESIDE = """
+Real h = if time < 0.7 then 0 else 0.1 + 0.3*(time - 0.7);
+Motion road(q = h); Spring s(k = 100, d0 = 0); Damper d(c = 2);
+Mass m(m = 1, q(start = 0, fixed = true), v(start = 0, fixed = true));
+equation connect(road.flange, s.a); connect(s.b, m.flange); connect(road.flange, d.a); connect(d.b, m.flange);
+"""
+
+
+@pytest.mark.parametrize(
+    ("fmi", "parts"),
+    [(2, ("input", " = if time < 0.9 then 0.2*time else 0.18 - 0.5*(time - 0.9)", "", "")),  # the pivot turns back
+     (3, ("parameter", " = 0", BESIDE, ""))],
+)  # fmt: skip
+def test_what_is_prescribed_may_jump(fmi, parts, tmp_path) -> None:
+    """By impulses, also in all coordinates; what the other tool accepts at a kink has the velocities before it."""
+    dae = lmoc.compile_text(PENDULUM.format(*parts))
+    run, made = dae.simulate(points=11, rtol=1e-10), dae.export(tmp_path / "scene.fmu", fmi=fmi)
+    assert [e.time for e in run.events if e.kind == "step"] == [0.7 if fmi == 3 else 0.9]
+    assert len({s.observer.plan for s in run.trajectory.segments}) > 1  # its coordinates change
+    for kind, rtol in ("ModelExchange", 1e-8), ("CoSimulation", RTOL):
+        found = simulated(
+            made.path, fmi_type=kind, stop_time=2.0, output_interval=0.2, relative_tolerance=rtol,
+            output=list(dae.states) + ["x", "y", "vx", "vy"], record_events=False,
+        )  # fmt: skip
+        assert differs(run, found, {*dae.states, "x", "y", "vx", "vy"}) < 10 * RTOL, kind
+
+
 @pytest.mark.parametrize(
     ("parts", "why"),
     [(("parameter", " = 0", "", "when x > 0.5 then reinit(y, pre(y)); end when;"), "`reinit` sets 'y' in a closed"),

@@ -162,8 +162,6 @@ def executable(dae: CompiledDAE) -> Executable:
     read = nothing if laws is None else laws.read.ravel(), nothing if jumps is None else jumps.registers
     events = instants(plan, values, lambda: _longest(dae, plan, base, signals, span), np.concatenate(read))
     loops = None if of_loops is None else loop_tables(plan, values, start, inputs, minimal)
-    if loops is not None and jumps is not None:
-        raise refusal(flat, "its coordinates change along the motion, beside a prescribed motion that may jump")
     from_parameters, known = _parameter_program(dae, plan)
     tried = Tried(dae, plan, signals, zero_inputs, span, begun(run, len(minimal.states)), from_parameters)
     settable, held = tried.settable()
