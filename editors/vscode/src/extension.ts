@@ -62,7 +62,9 @@ async function show(kind: Kind, uri?: string, model?: string): Promise<void> {
   if (kind === "draw") {
     picture?.panel.dispose();
     picture = { panel, uri: target, model };
-    panel.onDidDispose(() => (picture = undefined));
+    panel.onDidDispose(() => {
+      if (picture?.panel === panel) picture = undefined;
+    });
   }
 }
 
@@ -71,13 +73,17 @@ function ask(kind: Kind, uri: string, model?: string): Promise<Answer> {
 }
 
 let waiting: NodeJS.Timeout | undefined;
+let asks = 0;
 
 function follow(document: vscode.TextDocument): void {
   if (picture?.uri !== document.uri.toString()) return;
   clearTimeout(waiting);
   waiting = setTimeout(async () => {
-    if (!picture) return;
-    const answer = await ask("draw", picture.uri, picture.model);
-    if (answer.kind === "svg" && picture) picture.panel.webview.html = page(answer); // while it is wrong, the last one stays
+    const own = picture;
+    if (!own) return;
+    const asked = ++asks;
+    const answer = await ask("draw", own.uri, own.model);
+    if (picture !== own || asked !== asks) return; // another scene, or a newer text of this one
+    if (answer.kind === "svg") own.panel.webview.html = page(answer); // while it is wrong, the last one stays
   }, 400);
 }
