@@ -2,7 +2,7 @@
 
 Each text, every third one that of a file in a package of several files, is edited 20 times in a row. After each edit
 every question of an editor is asked, where only the part around the change is read and where all of the text is, and
-trees, places and answers are compared; after every fourth one the diagnostics are made, in this process, which has made
+trees, places and answers are compared; after every tenth one the diagnostics are made, in this process, which has made
 many, and in one that has made none, and compared. Printed are exceptions and differences with their seeds, and the
 processor time that the questions took.
 """
@@ -30,7 +30,7 @@ from lmoc.editor.checking import Checked, check  # noqa: E402
 from lmoc.editor.names import occurrences  # noqa: E402
 
 EDITS = 20  # of one text
-CHECKED = 4  # every so many of them
+CHECKED = 10  # every so many of them
 PACKAGED = 3  # every so many texts
 
 

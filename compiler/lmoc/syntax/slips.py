@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator
-from functools import partial
+from functools import lru_cache, partial
 
 from lmoc.expression.functions import CALLABLE
 from lmoc.expression.units import Unit, UnitError, parse_unit, unit_text
@@ -326,12 +326,19 @@ def _capitalized_keyword(trouble: Trouble) -> Iterator[Slip]:
 
 
 def _misspelled_keyword(trouble: Trouble) -> Iterator[Slip]:
-    tokens, words = trouble.tokens, [s for s in trouble.tables.literals if is_word(s)]
+    tokens = trouble.tokens
+    words = frozenset(s for s in trouble.tables.literals if is_word(s))
     for at in range(trouble.at, max(-1, trouble.at - _LOOK_BACK), -1):
         if tokens.symbols[at] != "IDENT":
             continue
-        for word in difflib.get_close_matches(tokens.texts[at], words, n=2, cutoff=0.75):
+        for word in _alike(tokens.texts[at], words):
             yield Slip(Edit(at, 1, (word,)), partial(_misspelled, trouble, at, word))
+
+
+@lru_cache(maxsize=4096)
+def _alike(text: str, words: frozenset[str]) -> list[str]:
+    """The words that a text is like; asked for the same names again and again while a text is repaired."""
+    return difflib.get_close_matches(text, words, n=2, cutoff=0.75)
 
 
 def _misspelled(trouble: Trouble, at: int, word: str) -> Diagnostic:
