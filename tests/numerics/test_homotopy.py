@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import lmoc
+from lmoc.numerics.run import simulate
+from lmoc.numerics.start.constant_way import stays
 
 SCHMITT = """model Schmitt
   parameter Real side = 1;
@@ -41,3 +43,27 @@ def test_a_way_that_ends_is_said() -> None:
 
 def test_the_weight_is_no_parameter() -> None:
     assert list(lmoc.compile_text(SCHMITT).parameters) == ["side"]
+
+
+LIMITED = """model Limited
+  parameter Real high = 2, k = 3;
+  Real x(start = 1);
+  output Real y;
+equation
+  der(x) = -k*x + y;
+  y = homotopy(if 2 - x > high then high elseif 2 - x < -high then -high else 2 - x, 2 - x);
+initial equation
+  der(x) = 0;
+end Limited;
+"""
+
+
+@pytest.mark.parametrize(("high", "first", "way"), [(2.0, 1.5, [True]), (0.9, 0.9, [False])])
+def test_where_nothing_limits_the_way_is_not_walked(
+    high: float, first: float, way: list[bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In rest k*x = y: x = 2/(k + 1) within the limits, high/k at them."""
+    asked: list[bool] = []
+    monkeypatch.setattr(simulate, "stays", lambda *given: asked.append(stays(*given)) or asked[-1])
+    run = lmoc.compile_text(LIMITED).simulate(stop=0.1, parameters={"high": high})
+    assert run["y"] == pytest.approx(first) and run["x"] == pytest.approx(first / 3) and asked == way

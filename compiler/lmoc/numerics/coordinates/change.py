@@ -58,8 +58,8 @@ def carried_over(observer: Observer, w: np.ndarray, other: Plan, base: np.ndarra
     """
     table = other.reduced.registers
     for unknowns in _unknowns(other):
-        base[unknowns] = _values(observer, w, table.variable[unknowns], table.order[unknowns])
-    return _values(observer, w, table.variable[other.states], table.order[other.states])
+        base[unknowns] = values_at(observer, w, table.variable[unknowns], table.order[unknowns])
+    return values_at(observer, w, table.variable[other.states], table.order[other.states])
 
 
 def continued(plan: Plan, end: End, base: np.ndarray) -> np.ndarray:
@@ -85,7 +85,7 @@ def continued(plan: Plan, end: End, base: np.ndarray) -> np.ndarray:
     return x
 
 
-def _values(observer: Observer, w: np.ndarray, variables: np.ndarray, orders: np.ndarray) -> np.ndarray:
+def values_at(observer: Observer, w: np.ndarray, variables: np.ndarray, orders: np.ndarray) -> np.ndarray:
     """Values of jets; NaN where they are not among the registers."""
     reduced = observer.plan.reduced
     result = np.full(variables.shape, np.nan)

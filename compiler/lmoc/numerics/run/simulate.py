@@ -31,6 +31,7 @@ from lmoc.numerics.plan.plan import Plan, build_plan
 from lmoc.numerics.problem.system import System
 from lmoc.numerics.run.segments import run_segments, starting_place
 from lmoc.numerics.signals.signals import Constant, Formula, Signal, bind_signals, gives, note_held_ends
+from lmoc.numerics.start.constant_way import stays
 from lmoc.numerics.start.parameters import check_derived, check_parameters
 from lmoc.numerics.task.sizes import too_loose
 from lmoc.numerics.task.task import Coordinates, Progress, Task
@@ -171,7 +172,7 @@ class Simulator:
         check_parameters(plan, base, values, report)
         report.check()
         check_derived(plan, base, report)
-        progress, near = _heard(progress, span), self._near(values, options, inputs, initial, report)
+        progress, near = _heard(progress, span), self._near(values, options, inputs, initial, span.start, report)
         task = Task(values, signals, options, span, report, progress, others, (began, lowered), near)
         return task, plan, system, base
 
@@ -181,6 +182,7 @@ class Simulator:
         options: RunOptions,
         inputs: Mapping[str, object] | None,
         initial: Mapping[str, float] | End | RunState | None,
+        time: float,
         report: Report,
     ) -> RunState | None:
         """Return where the start is looked for: the end of the way from the simplified model, if there is one."""
@@ -188,14 +190,14 @@ class Simulator:
             return None
         if self._way is None:
             self._way = WayToStart(self.reduced.flat.simplified)
-        return self._way.end(values, options, inputs, initial, report)
+        return self._way.end(values, options, inputs, initial, time, report)
 
 
 class WayToStart:
     """The way from the start of a simplified model to that of the model that it stands for (`homotopy`, 3.7.4.4)."""
 
     def __init__(self, simplified: Simplified) -> None:
-        self.flat, self.weight = simplified.flat, simplified.weight
+        self.simplified, self.flat, self.weight = simplified, simplified.flat, simplified.weight
         self._simulators: list[Simulator] = []  # one for each set of assumptions about the parameters
 
     def end(
@@ -204,6 +206,7 @@ class WayToStart:
         options: RunOptions,
         inputs: Mapping[str, object] | None,
         initial: Mapping[str, float] | None,
+        time: float,
         report: Report,
     ) -> RunState | None:
         """Return the start at the end of the way; None, and a note, where it does not lead there."""
@@ -220,6 +223,8 @@ class WayToStart:
                     _no_way(report, weight, error)
                     return None
                 continue
+            if then == 0.0 and stays(self.simplified, near, time):
+                return near
             weight, step = then, 2.0 * step or _FIRST_STEP
         return near
 
