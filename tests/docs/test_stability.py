@@ -27,9 +27,12 @@ EXPECTED = {
 }
 
 
+SHORT = {stability.damping_of_bdf: {"symplectic": 628.0}}
+
+
 @pytest.mark.parametrize("make", EXPECTED, ids=lambda make: make.__name__)
 def test_the_failure_and_its_remedy(make):
-    failure = make()
+    failure = make(**SHORT.get(make, {}))
     assert EXPECTED[make](failure.numbers), failure.numbers
     assert f"## {failure.title}" in PAGE.read_text(encoding="utf-8")
 

@@ -4,6 +4,7 @@ from math import acos, asin, pi, sqrt
 
 import numpy as np
 import pytest
+from oracles.models import compiled_text
 
 import lmoc
 
@@ -35,10 +36,16 @@ def told(run: lmoc.Run) -> tuple[float, float]:
     return float(since), float(length)
 
 
-@pytest.mark.parametrize("points", [2, 3, 50])
-@pytest.mark.parametrize("solver", ["auto", "taylor", "cvode", "cvodes", "gauss", "radau"])
+@pytest.mark.parametrize(
+    ("solver", "points"),
+    [
+        *(("auto", points) for points in (2, 3, 50)),
+        *((solver, 3) for solver in ("taylor", "cvode", "cvodes", "gauss", "radau")),
+        *((solver, 50) for solver in ("cvode", "cvodes")),
+    ],
+)
 def test_what_does_not_hold_between_output_times_is_told(points, solver):
-    run = lmoc.compile_text(SWING).simulate(stop=2 * pi, points=points, rtol=1e-9, solver=solver)
+    run = compiled_text(SWING).simulate(stop=2 * pi, points=points, rtol=1e-9, solver=solver)
     since, length = told(run)
     assert since == pytest.approx(asin(0.999), abs=1e-6)
     assert length == pytest.approx(2 * (pi - 2 * asin(0.999)), abs=1e-4)
@@ -47,7 +54,7 @@ def test_what_does_not_hold_between_output_times_is_told(points, solver):
 @pytest.mark.parametrize("points", [2, 7, 1000])
 def test_an_error_ends_the_run_where_its_relation_crosses(points):
     with pytest.raises(lmoc.SimulationError, match=r"an assertion does not hold at t = 3\.665\d+ s: beyond") as failed:
-        lmoc.compile_text(SWING).simulate(stop=20, points=points, rtol=1e-10, parameters={"least": -0.5})
+        compiled_text(SWING).simulate(stop=20, points=points, rtol=1e-10, parameters={"least": -0.5})
     assert failed.value.time == pytest.approx(pi + asin(0.5), abs=1e-9)
     partial = failed.value.partial
     assert partial.time[-1] == failed.value.time
@@ -57,20 +64,20 @@ def test_an_error_ends_the_run_where_its_relation_crosses(points):
 
 def test_an_error_at_the_start():
     with pytest.raises(lmoc.SimulationError, match="at t = 0 s: beyond") as failed:
-        lmoc.compile_text(SWING).simulate(stop=1, parameters={"least": 0.5})
+        compiled_text(SWING).simulate(stop=1, parameters={"least": 0.5})
     assert failed.value.time == 0
 
 
 @pytest.mark.parametrize("points", [2, 400])
 def test_beside_laws_and_events(points):
     text = BALL.replace("LEVEL", "AssertionLevel.warning")
-    run = lmoc.compile_text(text).simulate(stop=1.1, points=points, rtol=1e-9)
+    run = compiled_text(text).simulate(stop=1.1, points=points, rtol=1e-9)
     fall = sqrt(2 / 9.81)
     rise = 0.8 * 9.81 * fall
     span = sqrt(rise**2 - 2 * 9.81 * 0.6) / 9.81
     assert told(run) == pytest.approx((fall + rise / 9.81 - span, 2 * span), abs=1e-6)
     assert [e.kind for e in run.events if e.name == "s"] == ["impact"]
-    plain = lmoc.compile_text(text.replace("assert", "// assert")).simulate(stop=1.1, points=points, rtol=1e-9)
+    plain = compiled_text(text.replace("assert", "// assert")).simulate(stop=1.1, points=points, rtol=1e-9)
     assert [(e.name, e.kind) for e in run.events] == [(e.name, e.kind) for e in plain.events]
     assert run["m.q"] == pytest.approx(plain["m.q"], abs=1e-9)
 
@@ -81,7 +88,7 @@ def test_an_error_between_two_impacts(solver, stop):
     """Also where a step of a series reaches the end of the run, of which the hop is a small part."""
     text = BALL.replace("LEVEL", "AssertionLevel.error")
     with pytest.raises(lmoc.SimulationError, match="high again") as failed:
-        lmoc.compile_text(text).simulate(stop=stop, points=2, rtol=1e-10, solver=solver)
+        compiled_text(text).simulate(stop=stop, points=2, rtol=1e-10, solver=solver)
     fall = sqrt(2 / 9.81)
     rise = 0.8 * 9.81 * fall
     assert failed.value.time == pytest.approx(fall + (rise - sqrt(rise**2 - 2 * 9.81 * 0.6)) / 9.81, abs=1e-9)
@@ -93,13 +100,13 @@ def test_an_assertion_of_a_jump_holds_from_there_on():
 equation
   der(x) = 1; when x > 0.25 then d = 1; end when; assert(d < 0.5, "jumped", AssertionLevel.warning);
 end Jump;"""
-    assert told(lmoc.compile_text(text).simulate(stop=1, points=2)) == pytest.approx((0.25, 0.75), abs=1e-6)
+    assert told(compiled_text(text).simulate(stop=1, points=2)) == pytest.approx((0.25, 0.75), abs=1e-6)
 
 
 def test_an_assertion_of_time_alone():
     text = """model Late
   Real x; equation x = 2*time; assert(x < 1, "late", AssertionLevel.warning); end Late;"""
-    assert told(lmoc.compile_text(text).simulate(stop=2, points=5)) == pytest.approx((0.5, 1.5), abs=1e-9)
+    assert told(compiled_text(text).simulate(stop=2, points=5)) == pytest.approx((0.5, 1.5), abs=1e-9)
 
 
 def test_of_an_array_the_first_element_is_told():
@@ -109,7 +116,7 @@ equation
   der(x) = {1, 1};
   for i in 1:2 loop assert(x[i] < 0.5, "far", AssertionLevel.warning); end for;
 end Two;"""
-    notes = [n.message for n in lmoc.compile_text(text).simulate(stop=1, points=2).notes if n.code == "W0551"]
+    notes = [n.message for n in compiled_text(text).simulate(stop=1, points=2).notes if n.code == "W0551"]
     assert any("from t = 0.2 s" in note for note in notes)
 
 
@@ -123,6 +130,6 @@ equation
   (x - 0.5*cos(phi))^2 + y^2 = 1;
   assert(x > 0.6, "near", AssertionLevel.warning);
 end Crank;"""
-    since, length = told(lmoc.compile_text(text).simulate(stop=2 * pi, points=2, rtol=1e-9))
+    since, length = told(compiled_text(text).simulate(stop=2 * pi, points=2, rtol=1e-9))
     assert since == pytest.approx(acos((0.6**2 + 0.5**2 - 1) / (2 * 0.6 * 0.5)), abs=1e-8)
     assert length == pytest.approx(2 * (pi - since), abs=1e-5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from oracles.models import compiled
+from oracles.models import compiled, compiled_text
 from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipk
 
@@ -92,7 +92,7 @@ def test_methods_that_have_to_begin_anew_stay_in_few_coordinates(pendulum, solve
 
 def test_radau_comes_on_at_the_finest_tolerances():
     """Where a state passes zero, rounding of time alone makes its output rough: shorter steps would gain nothing."""
-    dae = lmoc.compile_text("""model Turning
+    dae = compiled_text("""model Turning
       Real x(start = 0, fixed = true), y(start = -1), vx(start = 7.1, fixed = true), vy, T;
     equation
       der(x) = vx; der(y) = vy; der(vx) = -T*x; der(vy) = -T*y - 9.81; x^2 + y^2 = 1;
@@ -105,7 +105,7 @@ def test_radau_comes_on_at_the_finest_tolerances():
 
 
 def test_a_linkage_that_only_swings_is_the_same_in_both():
-    dae = lmoc.compile_text(ROCKER)
+    dae = compiled_text(ROCKER)
     run, other = (dae.simulate(stop=15, rtol=1e-10, formulation=f) for f in ("auto", "reduced"))
     assert went_over(run) and len(run.coordinates) < 10 < len(other.coordinates)
     for name in ("bx", "cy", "T"):
@@ -114,7 +114,7 @@ def test_a_linkage_that_only_swings_is_the_same_in_both():
 
 @pytest.mark.parametrize(("solver", "rtol"), [("auto", 1e-7), ("auto", 1e-11), ("taylor", 1e-9)])
 def test_singular_positions_of_four_rods_are_passed(rtol, solver):
-    run = lmoc.compile_text(PARALLELOGRAM).simulate(stop=10, rtol=rtol, solver=solver)
+    run = compiled_text(PARALLELOGRAM).simulate(stop=10, rtol=rtol, solver=solver)
     angle = solve_ivp(lambda t, z: [z[1], 9.81 * np.sin(z[0])], (0, 10), [0, 1], "DOP853", run.time, rtol=1e-13,
                       atol=1e-13).y[0]  # fmt: skip
     assert any(n.code == "N0633" and "10 singular positions" in n.message for n in run.notes)

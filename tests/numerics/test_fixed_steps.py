@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracles.by_hand import oscillator
+from oracles.models import compiled_text
 
 import lmoc
 from lmoc.expression import dag
@@ -49,14 +50,14 @@ def test_the_error_falls_with_the_order(solver, order):
     ("solver", "step", "largest"), [("midpoint", 0.02, 0.02), ("verlet", 0.02, 0.02), ("gauss", 0.2, 2e-4)]
 )
 def test_energy_of_a_pendulum_does_not_drift(solver, step, largest):
-    run = lmoc.compile_text(PENDULUM).simulate(stop=80, points=801, solver=solver, step=step, energy=False)
+    run = compiled_text(PENDULUM).simulate(stop=80, points=801, solver=solver, step=step, energy=False)
     deviation = np.abs(run["H"] - run["H"][0]) / 9.81
     early, late = deviation[:200].max(), deviation[-200:].max()
     assert late < largest and late == pytest.approx(early, rel=0.05)
 
 
 def test_gauss_at_a_tolerance_keeps_its_step_and_the_energy():
-    run = lmoc.compile_text(PENDULUM).simulate(stop=200, points=601, solver="gauss", rtol=1e-6, energy=False)
+    run = compiled_text(PENDULUM).simulate(stop=200, points=601, solver="gauss", rtol=1e-6, energy=False)
     deviation = np.abs(run["H"] - run["H"][0]) / 9.81
     assert deviation[-200:].max() < 2 * deviation[:200].max() < 2e-5
     assert run.stats["rejected"] < 30
@@ -105,14 +106,14 @@ def test_verlet_names_the_force_that_depends_on_a_velocity():
     text = """model M Real x(start = 1, fixed = true), y(start = 0, fixed = true), z(start = 0, fixed = true);
         equation der(x) = y; der(y) = z; der(z) = x; end M;"""
     with pytest.raises(ModelError, match="not separable"):
-        lmoc.compile_text(text).simulate(solver="verlet", step=0.01)
+        compiled_text(text).simulate(solver="verlet", step=0.01)
 
 
 @pytest.mark.parametrize("solver", [*METHODS, "gauss"])
 def test_impacts_among_steps(solver):
     """Free fall is a parabola, which these methods follow exactly, all but one; so are the instants of the impacts."""
     near = 1e-5 if solver == "generalized-alpha" else 1e-9
-    ball = lmoc.compile_text(BALL)
+    ball = compiled_text(BALL)
     run = ball.simulate(stop=2, solver=solver, step=0.01)
     fall = np.sqrt(2 / 9.81)
     impacts = np.array([e.time for e in run.events])[:3]
@@ -125,13 +126,13 @@ def test_steps_whose_equations_are_not_solved(solver):
     """x' = x² from 5 with steps of 1: the midpoint's k = (5 + k/2)² has no real solution."""
     text = "model M Real x(start = 5, fixed = true); equation der(x) = x^2; end M;"
     with pytest.raises(SimulationError, match="Newton's method does not solve the equations of a step of this length"):
-        lmoc.compile_text(text).simulate(stop=2, solver=solver, step=1.0)
+        compiled_text(text).simulate(stop=2, solver=solver, step=1.0)
 
 
 @pytest.mark.parametrize("solver", WHOLE)
 def test_casadi_refuses_what_it_cannot_take(solver):
     with pytest.raises(ModelError, match="casadi integrates small smooth scenes only, without events"):
-        lmoc.compile_text(BALL).simulate(stop=2, solver=solver, step=0.01)
+        compiled_text(BALL).simulate(stop=2, solver=solver, step=0.01)
 
 
 @pytest.mark.parametrize("solver", [*METHODS, "gauss"])
@@ -171,6 +172,6 @@ def test_collocation_of_stiff_equations_is_silent(solver, capfd):
 def test_collocation_whose_equations_have_no_solution_says_so(solver, capfd):
     text = "model M Real x(start = 1, fixed = true); equation der(x) = x^2; end M;"
     with pytest.raises(SimulationError, match="Newton's method does not solve the equations of a step") as failure:
-        lmoc.compile_text(text).simulate(solver=solver, step=0.5, stop=2, points=3)
+        compiled_text(text).simulate(solver=solver, step=0.5, stop=2, points=3)
     assert failure.value.time == 0
     assert capfd.readouterr() == ("", "")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from conftest import ROOT
-from oracles.models import compiled
+from oracles.models import compiled, compiled_text
 
 import lmoc
 from lmoc.numerics.options.options import SOLVERS
@@ -30,33 +30,33 @@ def error(run: lmoc.Run, exact: np.ndarray) -> float:
 
 @pytest.mark.parametrize("size", SIZES)
 def test_a_swing_of_any_amplitude(size):
-    run = lmoc.compile_text(SCENE.format(start=size)).simulate()
+    run = compiled_text(SCENE.format(start=size)).simulate()
     assert error(run, size * np.cos(2 * run.time)) < 2e-5
     assert run.energy.balance < 1e-4
 
 
 @pytest.mark.parametrize("size", SIZES)
 def test_a_force_of_any_size_from_rest(size):
-    run = lmoc.compile_text(SCENE.format(start=0)).simulate(inputs={"u": f"{size!r}*sin(time)"})
+    run = compiled_text(SCENE.format(start=0)).simulate(inputs={"u": f"{size!r}*sin(time)"})
     assert error(run, size * (np.sin(run.time) / 3 - np.sin(2 * run.time) / 6)) < 2e-5
 
 
 @pytest.mark.parametrize("solver", [s for s in SOLVERS if s != "moreau"])  # it takes scenes with laws alone
 def test_every_solver_at_a_nanometre(solver):
-    normal, small = (lmoc.compile_text(SCENE.format(start=a)).simulate(solver=solver) for a in (1, 1e-9))
+    normal, small = (compiled_text(SCENE.format(start=a)).simulate(solver=solver) for a in (1, 1e-9))
     assert error(small, 1e-9 * np.cos(2 * small.time)) < 3 * error(normal, np.cos(2 * normal.time)) + 1e-6
 
 
 @pytest.mark.parametrize("keep", [None, ["m.q"]])
 def test_a_run_that_keeps_little_is_as_accurate(keep):
-    run = lmoc.compile_text(SCENE.format(start=1e-9)).simulate(keep=keep, points=7)
+    run = compiled_text(SCENE.format(start=1e-9)).simulate(keep=keep, points=7)
     assert error(run, 1e-9 * np.cos(2 * run.time)) < 2e-5
 
 
 def test_a_declared_nominal_and_atol_are_kept():
     text = SCENE.format(start=1e-9)
     declared = text.replace("fixed = true), v(fixed", "fixed = true, nominal = 1), v(nominal = 1, fixed")
-    loose = [lmoc.compile_text(declared).simulate(), lmoc.compile_text(text).simulate(atol=1e-9)]
+    loose = [compiled_text(declared).simulate(), compiled_text(text).simulate(atol=1e-9)]
     assert [error(run, 1e-9 * np.cos(2 * run.time)) > 1e-3 for run in loose] == [True, True]
 
 
@@ -64,9 +64,9 @@ def test_rounding_beside_a_motion_is_not_followed():
     """What rests but for rounding makes no run longer, and a motion that dies away is followed from its beginning."""
     text = """model M Real x(start = 1, fixed = true), y(fixed = true), z(start = 1, fixed = true); equation
         der(x) = -x; der(y) = 1e-18*x; der(z) = -30*z; end M;"""
-    run = lmoc.compile_text(text).simulate(stop=20)
+    run = compiled_text(text).simulate(stop=20)
     assert run["x"] == pytest.approx(np.exp(-run.time), abs=1e-5) and np.abs(run["y"]).max() < 1e-15
-    alone = lmoc.compile_text(text.replace("1e-18*x", "0")).simulate(stop=20)
+    alone = compiled_text(text.replace("1e-18*x", "0")).simulate(stop=20)
     assert run.stats["steps"] <= alone.stats["steps"] + 5
 
 
@@ -94,7 +94,7 @@ def test_an_equilibrium_is_kept_without_following_its_rounding(scene, rtol):
 
 
 def test_what_is_smaller_than_double_precision_can_divide_rests():
-    run = lmoc.compile_text(SCENE.format(start=1e-310)).simulate()
+    run = compiled_text(SCENE.format(start=1e-310)).simulate()
     assert np.isfinite(run["m.q"]).all() and run.stats["steps"] < 1000
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import pickle
+import select
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -31,49 +32,79 @@ def begin(fmu, three=True):
     fmu.exitInitializationMode()
 
 
-SIMULATE = """
-import pickle, sys
-import fmpy
-with open(sys.argv[1], "rb") as file:
-    path, options = pickle.load(file)
-found = fmpy.simulate_fmu(path, **options)
-with open(sys.argv[1], "wb") as file:
-    pickle.dump(found, file)
+BEGIN = """
+import os, pickle, sys, traceback
+told = os.fdopen(os.dup(1), "wb")
+os.dup2(2, 1)  # what an FMU prints is no answer
 """
-
-
+SERVE = """
+while True:
+    try:
+        asked = pickle.load(sys.stdin.buffer)
+    except EOFError:
+        break
+    try:
+        answer = True, answer_to(asked)
+    except Exception:
+        answer = False, traceback.format_exc()
+    pickle.dump(answer, told)
+    told.flush()
+"""
+SIMULATE = """
+import fmpy
+def answer_to(asked):
+    path, options = asked
+    return fmpy.simulate_fmu(path, **options)
+"""
 BY_CVODE = """
-import pickle, sys
 import casadi, numpy as np
 from fmpy.sundials import CVodeSolver
-with open(sys.argv[1], "rb") as file:
-    ode, (start, inputs, values), nominal, times, rtol = pickle.load(file)
-ode, n, now = casadi.Function.deserialize(ode), len(start), {"t": times[0], "x": start}
-def put(to, values):
-    np.ctypeslib.as_array(to, (n,))[:] = values
-solver = CVodeSolver(
-    nx=n, nz=0, input=None, startTime=times[0], maxStep=(times[-1] - times[0]) / 50, relativeTolerance=rtol,
-    get_x=lambda to, n: put(to, now["x"]), set_x=lambda x, n: now.update(x=np.ctypeslib.as_array(x, (n,)).copy()),
-    get_dx=lambda to, n: put(to, np.ravel(ode(now["t"], now["x"], inputs, values))), get_z=None,
-    get_nominals=lambda to, n: put(to, nominal), set_time=lambda t: now.update(t=t),
-)
-found = [start]
-for t, until in zip(times, times[1:]):
-    solver.step(t, until)
-    found.append(now["x"])
-with open(sys.argv[1], "wb") as file:
-    pickle.dump(np.array(found), file)
+def answer_to(asked):
+    ode, (start, inputs, values), nominal, times, rtol = asked
+    ode, n, now = casadi.Function.deserialize(ode), len(start), {"t": times[0], "x": start}
+    def put(to, values):
+        np.ctypeslib.as_array(to, (n,))[:] = values
+    solver = CVodeSolver(
+        nx=n, nz=0, input=None, startTime=times[0], maxStep=(times[-1] - times[0]) / 50, relativeTolerance=rtol,
+        get_x=lambda to, n: put(to, now["x"]), set_x=lambda x, n: now.update(x=np.ctypeslib.as_array(x, (n,)).copy()),
+        get_dx=lambda to, n: put(to, np.ravel(ode(now["t"], now["x"], inputs, values))), get_z=None,
+        get_nominals=lambda to, n: put(to, nominal), set_time=lambda t: now.update(t=t),
+    )
+    found = [start]
+    for t, until in zip(times, times[1:]):
+        solver.step(t, until)
+        found.append(now["x"])
+    return np.array(found)
 """
+_servers: dict[str, subprocess.Popen] = {}
+
+
+def _end(server: subprocess.Popen) -> None:
+    server.stdin.close()
+    server.wait()
 
 
 def _apart(script: str, asked: tuple) -> np.ndarray:
-    """What a script makes of what is asked, in a process of its own: two copies of SUNDIALS in one can crash it."""
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder) / "asked"
-        place.write_bytes(pickle.dumps(asked))
-        done = subprocess.run([sys.executable, "-c", script, str(place)], capture_output=True, text=True, timeout=300)
-        assert done.returncode == 0, done.stderr
-        return pickle.loads(place.read_bytes())
+    """What a script makes of what is asked, in a process of its own: two copies of SUNDIALS in one can crash it.
+
+    The process imports FMPy once, and answers until this one ends.
+    """
+    server = _servers.get(script)
+    if server is None or server.poll() is not None:
+        command = [sys.executable, "-c", BEGIN + script + SERVE]
+        server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        _servers[script] = server
+        atexit.register(_end, server)
+    pickle.dump(asked, server.stdin)
+    server.stdin.flush()
+    if not select.select([server.stdout], [], [], 300)[0]:
+        server.kill()
+    try:
+        good, found = pickle.load(server.stdout)
+    except EOFError:
+        good, found = False, f"the process of FMPy has ended: {server.wait()}"
+    assert good, found
+    return found
 
 
 def simulated(path: str | Path, **options) -> np.ndarray:

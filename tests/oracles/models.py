@@ -1,7 +1,7 @@
 """Scenes of `models/` compiled once for all tests of a process, and equations that models of several tests share."""
 
 import os
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import lmoc
@@ -19,6 +19,16 @@ def compiled(name: str | Path, **parameters: float) -> lmoc.DAE:
 def _compiled(path: Path, parameters: tuple[tuple[str, float], ...], checked: str) -> lmoc.DAE:
     """Also by whether its stages are checked, which not all tests ask for."""
     return lmoc.compile(path, parameters=dict(parameters))
+
+
+def compiled_text(text: str) -> lmoc.DAE:
+    """A scene given as text, for tests that change nothing about it: one text is run by many methods."""
+    return _compiled_text(text, os.environ.get("LMOC_CHECK", ""))
+
+
+@lru_cache(maxsize=64)
+def _compiled_text(text: str, checked: str) -> lmoc.DAE:
+    return lmoc.compile_text(text)
 
 
 CONNECTED_SLIDER_CRANK = """\

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from oracles.bouncing import SIZE, STACKED, draw
+from oracles.models import compiled_text
 
 import lmoc
 from lmoc.messages.diagnostics import RunInterrupted
@@ -11,7 +12,7 @@ from lmoc.messages.diagnostics import RunInterrupted
 @pytest.mark.parametrize("solver", ["auto", "dop853", "taylor", "radau"])
 def test_a_steel_floor_below_two_balls_that_lose_energy_between_them(solver):
     """By a computation with 60 digits they rest after 396 impacts, at 1.8105052639 s."""
-    run = lmoc.compile_text(STACKED).simulate(stop=2.0, solver=solver)
+    run = compiled_text(STACKED).simulate(stop=2.0, solver=solver)
     assert len(run.events) < 600
     (over,) = [e for e in run.events if e.kind == "accumulation" and e.name == "s"]
     assert over.time == pytest.approx(1.8105052639, abs=1e-8)  # as well as the end of all bounces is to be known
@@ -23,7 +24,7 @@ def test_a_steel_floor_below_two_balls_that_lose_energy_between_them(solver):
 @pytest.mark.parametrize("restitution", ["0.9999999999999999", "0.999999999"])
 def test_a_restitution_next_to_one_is_one(restitution):
     """Of the series of its own bounces nothing is over; taken for its end, the balls would rest after 3e8 s."""
-    run = lmoc.compile_text(STACKED.replace("e = 1)", f"e = {restitution})")).simulate(stop=2.0)
+    run = compiled_text(STACKED.replace("e = 1)", f"e = {restitution})")).simulate(stop=2.0)
     (over,) = [e for e in run.events if e.kind == "accumulation" and e.name == "s"]
     assert over.time == pytest.approx(1.8105052639, abs=1e-8)
     assert run.modes[-1][1] == {"s": "contact", "t": "contact"}
@@ -35,7 +36,7 @@ def test_a_ball_without_loss_bounces_for_ever():
         text = f"""model Ball Mass m(m = 1, g = -10, q(start = {height!r}, fixed = true), v(start = 0, fixed = true));
             Stop s(L = 0, e = 1); Fixed w; equation connect(w.flange, s.a); connect(s.b, m.flange); end Ball;"""
         period = 2 * (2 * height / 10) ** 0.5
-        run = lmoc.compile_text(text).simulate(stop=20.25 * period)
+        run = compiled_text(text).simulate(stop=20.25 * period)
         assert [e.kind for e in run.events] == ["impact"] * 20
         assert run.events[-1].time == pytest.approx(19.5 * period, rel=1e-9)
 
@@ -50,7 +51,7 @@ def test_a_ball_without_loss_on_two_that_rest(height, impacts):
       Stop s(L = 0.05, e = 1), t(L = 0.1, e = 0.7), u(L = 0.1, e = 1); Fixed w;
     equation connect(w.flange, s.a); connect(s.b, a.flange); connect(a.flange, t.a); connect(t.b, b.flange);
       connect(b.flange, u.a); connect(u.b, c.flange); end Pile;"""
-    run = lmoc.compile_text(text).simulate(stop=14 * (2 * height / 10) ** 0.5)
+    run = compiled_text(text).simulate(stop=14 * (2 * height / 10) ** 0.5)
     assert [e.name for e in run.events] == ["u"] * impacts
     assert {e.kind for e in run.events} == ({"impact"} if impacts > 1 else {"accumulation"})
     assert run["b.q"][-1] == pytest.approx(0.15, abs=1e-15) and run["b.v"][-1] == 0.0
@@ -88,7 +89,7 @@ def compare(rng, stop=3.0):
     expected = [(t, f"s{k}") for t, k in balls.impacts(12, 1e-4) if t < stop]
     reason = ""
     try:
-        run = lmoc.compile_text(text).simulate(stop=stop, rtol=1e-9)
+        run = compiled_text(text).simulate(stop=stop, rtol=1e-9)
     except lmoc.SimulationError as failed:
         run, reason = failed.partial, str(failed)
     except RunInterrupted as stopped:

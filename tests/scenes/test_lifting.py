@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from oracles import winches
 from oracles.lifting import WINDLASS, draw, lifted
-
-import lmoc
+from oracles.models import compiled_text
 
 ROPE = """
 model RopeLiftsLoad
@@ -28,7 +27,7 @@ SOLVERS = ["auto", "dop853", "taylor", "cvode", "adams", "ida", "radau", "gauss"
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_the_load_follows_the_hand(solver):
-    dae = lmoc.compile_text(ROPE)
+    dae = compiled_text(ROPE)
     assert dae.states == ["load.q", "load.v"]
     run = dae.simulate(stop=3.0, solver=solver, rtol=1e-7)
     taut = next(e for e in run.events if e.kind == "taut")
@@ -40,7 +39,7 @@ def test_the_load_follows_the_hand(solver):
 
 @pytest.mark.parametrize("solver", ["dop853", "cvode", "radau"])
 def test_a_windlass_sets_a_load_down_and_lifts_it(solver):
-    run = lmoc.compile_text(WINDLASS).simulate(solver=solver)
+    run = compiled_text(WINDLASS).simulate(solver=solver)
     down, up = math.pi - math.asin(2 / 3), 2 * math.pi + math.asin(2 / 3)
     found = {e.kind: e.time for e in run.events if e.name == "drum"}
     assert found["slack"] == pytest.approx((2 * math.pi + math.asin(2 / 3)) / 0.8, abs=1e-5)
@@ -64,7 +63,7 @@ def compare(rng, rtol=1e-8):
     scene = draw(rng)
     lift = scene.lift
     expected = [e for e in lifted(lift, scene.first, 0.0, scene.stop) if e[1] in ("taut", "slack")]
-    run = lmoc.compile_text(scene.text).simulate(stop=scene.stop, rtol=rtol, inputs=scene.inputs)
+    run = compiled_text(scene.text).simulate(stop=scene.stop, rtol=rtol, inputs=scene.inputs)
     place = scene.sense * run[scene.place]
     assert (place <= lift.floor + 1e-9).all() and (place <= lift.hand(run.time) + 1e-9).all(), scene.text
     return _same_events(run, expected, np.inf, scene.text)
@@ -74,7 +73,7 @@ def compare_winch(rng, rtol=1e-8):
     """Compare the events of a load on an accelerated drum with those in closed form; the number of events."""
     winch = winches.draw(rng)
     expected, end, place = winch.events()
-    run = lmoc.compile_text(winch.text()).simulate(stop=end, points=51, rtol=rtol)
+    run = compiled_text(winch.text()).simulate(stop=end, points=51, rtol=rtol)
     assert run["load.q"][-1] == pytest.approx(place, abs=1e-6), winch.text()
     assert (run["load.q"] <= winch.floor + 1e-9).all() and (run["rope.gap"] >= -1e-9).all(), winch.text()
     return _same_events(run, expected, end, winch.text())

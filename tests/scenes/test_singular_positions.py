@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from oracles.models import CONNECTED_SLIDER_CRANK, PARALLELOGRAM
+from oracles.models import CONNECTED_SLIDER_CRANK, PARALLELOGRAM, compiled_text
 from scipy.integrate import solve_ivp
 
 import lmoc
@@ -52,7 +52,7 @@ def upright(ratio: float, omega: float, times: np.ndarray) -> np.ndarray:
 )
 def test_parallelogram_goes_on_as_one_through_its_flat_positions(rtol, solver, allowed):
     """(5/3)·θ'' = 2·g·sin θ: the bars are in line four times in 4 s, where they could cross as well."""
-    run = lmoc.compile_text(PARALLELOGRAM).simulate(stop=4, points=101, rtol=rtol, solver=solver)
+    run = compiled_text(PARALLELOGRAM).simulate(stop=4, points=101, rtol=rtol, solver=solver)
     assert np.abs(run["first.phi"] - np.pi / 2 + upright(1.2, -1, run.time)).max() < allowed
     assert np.abs(run["second.phi"] - run["first.phi"]).max() < 1e-12
     assert [n.message.split(" were")[0] for n in run.notes if n.code == "N0633"] == ["4 singular positions"]
@@ -84,13 +84,13 @@ def test_neighbouring_tolerances_pass_alike_without_a_compiler(no_compiler, solv
 @pytest.mark.parametrize("solver", ["taylor", "adams", "ida", "cvode"])
 def test_nothing_is_lost_where_a_singular_position_is_passed(solver):
     """The errors are those of the same solver on the equation of the angle, which has no such positions."""
-    angle = lmoc.compile_text("""model Angle
+    angle = compiled_text("""model Angle
       Real a(start = 0, fixed = true), w(start = -1, fixed = true);
     equation
       der(a) = w; der(w) = 1.2*9.81*sin(a);
     end Angle;""")
     options = {"stop": 4, "points": 41, "rtol": 1e-10, "solver": solver}
-    own, other = (scene.simulate(**options) for scene in (lmoc.compile_text(PARALLELOGRAM), angle))
+    own, other = (scene.simulate(**options) for scene in (compiled_text(PARALLELOGRAM), angle))
     exact = upright(1.2, -1, own.time)
     assert any(n.message.startswith("4 singular positions") for n in own.notes)
     error = np.abs(own["first.phi"] - np.pi / 2 + exact).max()
@@ -101,7 +101,7 @@ def test_unequal_bars_go_on_as_one_as_well():
     text = PARALLELOGRAM.replace("rocker(l = 1, m = 1)", "rocker(l = 1, m = 0.3)").replace(
         "coupler(l = 1, m = 1)", "coupler(l = 1, m = 2.5)"
     )
-    run = lmoc.compile_text(text).simulate(stop=5, points=50, rtol=1e-10)
+    run = compiled_text(text).simulate(stop=5, points=50, rtol=1e-10)
     ratio = (1 / 2 + 2.5 + 0.3 / 2) / (1 / 3 + 2.5 + 0.3 / 3)
     assert np.abs(run["first.phi"] - np.pi / 2 + upright(ratio, -1, run.time)).max() < 1e-8
     assert np.abs(run["second.phi"] - run["first.phi"]).max() < 1e-12
@@ -112,7 +112,7 @@ def test_unequal_bars_go_on_as_one_as_well():
 )
 def test_isosceles_slider_crank_goes_beyond_its_pivot(rtol, solver, allowed):
     """Across the line the slider might stay at the pivot while the bars turn: ½·(2/3 + 6·sin² φ)·ω² stays as it is."""
-    run = lmoc.compile_text(ISOSCELES).simulate(stop=4, points=101, rtol=rtol, solver=solver)
+    run = compiled_text(ISOSCELES).simulate(stop=4, points=101, rtol=rtol, solver=solver)
 
     def slope(t, z):
         return [z[1], -3 * np.sin(2 * z[0]) * z[1] ** 2 / (2 / 3 + 6 * np.sin(z[0]) ** 2)]
@@ -134,7 +134,7 @@ def test_bars_that_almost_fit_turn_or_stop_but_never_jump(more):
     """With a coupler a little too long the two branches do not meet: the rocker turns sharply nearby."""
     text = PARALLELOGRAM.replace("coupler(l = 1,", f"coupler(l = {1 + more!r},")
     try:
-        run = lmoc.compile_text(text).simulate(stop=1, points=2001, rtol=1e-8)
+        run = compiled_text(text).simulate(stop=1, points=2001, rtol=1e-8)
     except lmoc.SimulationError as error:
         assert "singular" in str(error) and error.time > 0.69
         run = error.partial
@@ -158,12 +158,12 @@ def test_bars_that_almost_fit_turn_or_stop_but_never_jump(more):
 )
 def test_cartesian_pendulum_is_as_right_as_one_with_an_angle(solver, rtol, points, stop):
     """x and y take turns as coordinates, whatever output times are asked for."""
-    cartesian = lmoc.compile_text("""model Cartesian
+    cartesian = compiled_text("""model Cartesian
       Real x(start = 0, fixed = true), y(start = -1), vx(start = 7.1, fixed = true), vy, T;
     equation
       der(x) = vx; der(y) = vy; der(vx) = -T*x; der(vy) = -T*y - 9.81; x^2 + y^2 = 1;
     end Cartesian;""")
-    angular = lmoc.compile_text("""model Angular
+    angular = compiled_text("""model Angular
       Real theta(start = 0, fixed = true), omega(start = 7.1, fixed = true);
     equation
       der(theta) = omega; der(omega) = -9.81*sin(theta);
@@ -180,7 +180,7 @@ def test_cartesian_pendulum_is_as_right_as_one_with_an_angle(solver, rtol, point
 
 def test_a_run_that_ends_while_a_singular_place_is_passed_has_its_last_output():
     """The step over the place is longer than what is left of the run."""
-    dae = lmoc.compile_text(ISOSCELES)
+    dae = compiled_text(ISOSCELES)
     whole = dae.simulate(stop=1.6, points=801, rtol=1e-8)
     at = whole.time[np.argmin(np.abs(whole["line.s"]))]  # the pivot
     run = dae.simulate(stop=at + 0.01, points=11, rtol=1e-8)
@@ -210,7 +210,7 @@ def isosceles(times: np.ndarray, friction: float = 0.0) -> np.ndarray:
 
 
 def test_a_slider_crank_with_friction_passes_its_change_points():
-    run = lmoc.compile_text(with_law(*FRICTION)).simulate(stop=4, rtol=1e-9)
+    run = compiled_text(with_law(*FRICTION)).simulate(stop=4, rtol=1e-9)
     exact = isosceles(run.time, friction=0.5)
     assert any(n.code == "N0633" for n in run.notes) and exact[-1] > 3 * np.pi / 2
     assert run["main.phi"] == pytest.approx(exact, abs=1e-5)
@@ -219,7 +219,7 @@ def test_a_slider_crank_with_friction_passes_its_change_points():
 
 
 def test_a_stop_behind_a_change_point_is_met_on_the_branch():
-    run = lmoc.compile_text(with_law(STOP[0].format(-1.5), STOP[1])).simulate(stop=3, rtol=1e-9)
+    run = compiled_text(with_law(STOP[0].format(-1.5), STOP[1])).simulate(stop=3, rtol=1e-9)
     impact = next(e for e in run.events if e.kind == "impact")
     times = np.linspace(0, 3, 30001)
     assert impact.time == pytest.approx(np.interp(np.arccos(-0.75), isosceles(times), times), abs=1e-6)
@@ -230,7 +230,7 @@ def test_a_stop_behind_a_change_point_is_met_on_the_branch():
 
 def test_an_impact_at_a_change_point_is_told_where_the_run_ends():
     with pytest.raises(lmoc.SimulationError, match="a law or an event changes it just there") as stopped:
-        lmoc.compile_text(with_law(STOP[0].format(0), STOP[1])).simulate(stop=3, rtol=1e-9)
+        compiled_text(with_law(STOP[0].format(0), STOP[1])).simulate(stop=3, rtol=1e-9)
     run = stopped.value.partial
     assert 0 < run["line.s"][-1] < 0.02
     assert run["main.phi"] == pytest.approx(isosceles(run.time), abs=1e-6)
@@ -240,7 +240,7 @@ def test_a_discrete_event_on_the_way_does_not_hide_a_change_point():
     """The relation changes far from the change points; its integral counts the time behind it."""
     text = WITH_LAWS.replace("equation\n", "  Real late(start = 0, fixed = true);\nequation\n"
                              "  der(late) = if time > 0.4 then 1 else 0;\n", 1)  # fmt: skip
-    run = lmoc.compile_text(text).simulate(stop=4, rtol=1e-9)
+    run = compiled_text(text).simulate(stop=4, rtol=1e-9)
     assert any(n.code == "N0633" for n in run.notes)
     assert run["main.phi"] == pytest.approx(isosceles(run.time), abs=1e-6)
     assert run["late"][-1] == pytest.approx(3.6, abs=1e-9)
@@ -265,7 +265,7 @@ end Wheel;"""
 def test_an_output_at_a_singular_position_is_the_limit(points):
     """The wheel turns by half the angle of the crank; at 0.25 s its rate is 0/0 in terms of the crank's."""
     times = np.unique(np.append(np.linspace(0, 2, points), 0.25))
-    run = lmoc.compile_text(THROUGH_ITS_CENTRE).simulate(times=times, rtol=1e-9)
+    run = compiled_text(THROUGH_ITS_CENTRE).simulate(times=times, rtol=1e-9)
     assert any(n.code == "N0633" for n in run.notes)
     assert run["axle.omega"] == pytest.approx(-1.0, abs=1e-7)
     assert run["axle.phi"] == pytest.approx(np.pi / 2 + 0.25 - run.time, abs=1e-7)
@@ -283,7 +283,7 @@ def isosceles_before_its_line(distance: float) -> str:
 def test_a_run_from_shortly_before_a_singular_position_passes_it_or_stops_soon():
     """Nearby the right-hand side is rounded so much that no step meets a tolerance as fine."""
     try:
-        run = lmoc.compile_text(isosceles_before_its_line(1e-3)).simulate(stop=1, rtol=1e-9)
+        run = compiled_text(isosceles_before_its_line(1e-3)).simulate(stop=1, rtol=1e-9)
         assert run["line.s"] == pytest.approx(2 * np.cos(run["main.phi"]), abs=1e-9)
     except lmoc.SimulationError as stopped:
         assert "a singular position lies ahead" in str(stopped) and 4e-4 < stopped.time < 5e-4
@@ -294,13 +294,13 @@ def test_a_run_from_so_near_that_its_constraints_are_small_throughout_stops_soon
     angle = np.pi - 1e-4
     text = PARALLELOGRAM.replace("up(unit", "away(unit").replace("start = up", f"start = {angle!r}")
     with pytest.raises(lmoc.SimulationError, match="a singular position lies ahead") as stopped:
-        lmoc.compile_text(text.replace("start = -up", f"start = {-angle!r}")).simulate(stop=1, rtol=1e-9)
+        compiled_text(text.replace("start = -up", f"start = {-angle!r}")).simulate(stop=1, rtol=1e-9)
     assert stopped.value.time < 1e-4 and stopped.value.partial.stats["steps"] < 10_000
 
 
 def test_a_start_next_to_a_singular_position_is_told():
     with pytest.raises(lmoc.ModelError, match="E0535.*starts next to a singular position"):
-        lmoc.compile_text(isosceles_before_its_line(1e-6)).simulate()
+        compiled_text(isosceles_before_its_line(1e-6)).simulate()
 
 
 @pytest.mark.parametrize("angle", [0.0, np.pi])
@@ -309,7 +309,7 @@ def test_a_start_at_a_singular_position_is_told(angle, speed):
     text = PARALLELOGRAM.replace("omega(start = 1,", f"omega(start = {speed},").replace("up(unit", "away(unit")
     text = text.replace("start = up", f"start = {angle}").replace("start = -up", f"start = {-angle}")
     with pytest.raises(lmoc.ModelError, match="E0535.*starts at a singular position"):
-        lmoc.compile_text(text).simulate()
+        compiled_text(text).simulate()
 
 
 def resized(text: str, size: float) -> str:
@@ -321,7 +321,7 @@ def resized(text: str, size: float) -> str:
 
 @pytest.mark.parametrize("size", [1e-9, 1e-4, 100.0, 1e6])
 def test_a_mechanism_of_any_size_passes_its_singular_positions(size):
-    run = lmoc.compile_text(resized(PARALLELOGRAM, size)).simulate(stop=4, points=21, rtol=1e-8)
+    run = compiled_text(resized(PARALLELOGRAM, size)).simulate(stop=4, points=21, rtol=1e-8)
     assert run["first.phi"] == pytest.approx(np.pi / 2 - upright(1.2, -1, run.time), abs=1e-6)
     assert [n.message.split(" were")[0] for n in run.notes if n.code == "N0633"] == ["4 singular positions"]
 
@@ -329,4 +329,4 @@ def test_a_mechanism_of_any_size_passes_its_singular_positions(size):
 @pytest.mark.parametrize("size", [1e-9, 1e-6])
 def test_a_start_next_to_a_singular_position_is_told_at_any_size(size):
     with pytest.raises(lmoc.ModelError, match="E0535.*starts (next to|at) a singular position"):
-        lmoc.compile_text(resized(isosceles_before_its_line(1e-6), size)).simulate()
+        compiled_text(resized(isosceles_before_its_line(1e-6), size)).simulate()

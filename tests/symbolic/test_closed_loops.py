@@ -43,12 +43,5 @@ def test_the_nearly_parallel_four_bar_reads_as_in_a_textbook():
     assert "closures of the loops:" in found.text()
     assert len(found.to_dict()["closures"]) == 2
     assert "\\lambda" in found.latex()
-
-
-def test_closed_loops_have_no_equations_in_deviations():
     with pytest.raises(lmoc.ModelError, match="E0660"):
-        compiled("hard/h03_four_bar").equations().about({})
-
-
-def test_trees_stay_in_minimal_coordinates():
-    assert compiled("planar/double_pendulum").equations().closures == ()
+        found.about({})  # there are none in deviations

@@ -1,6 +1,7 @@
 """Linear models, transfer functions, equilibria and printed equations, from the reference equations of the notes."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import lmoc
 from lmoc.cli.main import main
 from lmoc.messages.diagnostics import ModelError
 from lmoc.symbolic.equilibria import equilibria
-from lmoc.symbolic.linearize import linearize
+from lmoc.symbolic.linearize import LinearModel, linearize
 from lmoc.symbolic.motion import explicit
 from lmoc.symbolic.system import SymbolicSystem, jet_symbol
 from lmoc.symbolic.transfer import characteristic_polynomial, transfer_function
@@ -33,16 +34,21 @@ def oscillator(**values) -> SymbolicSystem:
     )
 
 
+@cache
+def in_symbols(name: str) -> LinearModel:
+    return linearize(by_hand(name), symbolic=True)
+
+
 @every_linear
 def test_matrices(name):
-    model, linear = linearize(by_hand(name), symbolic=True), TRUTH[name]["linear"]
+    model, linear = in_symbols(name), TRUTH[name]["linear"]
     for found, key in ((model.A, "A"), (model.B, "B"), (model.C, "C"), (model.D, "D")):
         assert sp.simplify(found - matrix(name, linear[key])).is_zero_matrix, key
 
 
 @every_linear
 def test_characteristic_polynomial_and_transfer_functions(name):
-    truth, model = TRUTH[name], linearize(by_hand(name), symbolic=True)
+    truth, model = TRUTH[name], in_symbols(name)
     assert not sp.simplify(characteristic_polynomial(model) / read(name, truth["characteristic"])).free_symbols
     for key, text in truth["transfer"].items():
         y, _, u = key.partition("/")
@@ -51,7 +57,7 @@ def test_characteristic_polynomial_and_transfer_functions(name):
 
 @every_linear
 def test_input_output_equations(name):
-    model = linearize(by_hand(name), symbolic=True)
+    model = in_symbols(name)
     for key, text in TRUTH[name]["input_output"].items():
         y, _, u = key.partition("/")
         left, right = (side.rsplit(") ", 1)[0] + ")" for side in text.split(" = "))

@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-
-import lmoc
+from oracles.models import compiled_text
 
 BASE = """
 model Base "A mass on a moving base"
@@ -24,7 +23,7 @@ SOLVERS = ["auto", "dop853", "taylor", "cvode", "adams", "radau", "gauss", "rk4"
 
 
 def stepped(at, op=">"):
-    return lmoc.compile_text(BASE.format(u=STEP.format(op=op, at=at)))
+    return compiled_text(BASE.format(u=STEP.format(op=op, at=at)))
 
 
 @pytest.mark.parametrize("beside", BESIDE)
@@ -49,17 +48,17 @@ def test_a_step_at_time_zero_of_a_run_that_begins_before():
 
 
 def test_steps_at_both_ends():
-    dae = lmoc.compile_text(BASE.format(u="if time < 0.25 then 0.03 elseif time < 0.75 then 0.02 else 0.01"))
+    dae = compiled_text(BASE.format(u="if time < 0.25 then 0.03 elseif time < 0.75 then 0.02 else 0.01"))
     run = dae.simulate(start=0.25, stop=0.75)
     assert [(e.kind, e.time) for e in run.events] == [("step", 0.25), ("step", 0.75)]
 
 
 def test_tables_jump_and_formulas_bend_at_the_stop_time():
-    dae = lmoc.compile_text(BASE.format(u="0.03"))
+    dae = compiled_text(BASE.format(u="0.03"))
     for at in (beside(1.0) for beside in BESIDE):
         run = dae.simulate(stop=1.0, inputs={"u": (np.array([0, at, at, 2]), np.array([0.03, 0.03, 0.02, 0.02]))})
         assert [e.kind for e in run.events] == ["step"] and run.time[-1] == 1.0
-        bent = lmoc.compile_text(BASE.format(u=f"0.03 + 0.2*max(0, time - {at!r})")).simulate(stop=1.0)
+        bent = compiled_text(BASE.format(u=f"0.03 + 0.2*max(0, time - {at!r})")).simulate(stop=1.0)
         assert bent.time[-1] == 1.0 and bent["body.q"][-1] == pytest.approx(0.03, abs=1e-9)
 
 
@@ -101,7 +100,7 @@ end Events;
 @pytest.mark.parametrize("beside", BESIDE)
 @pytest.mark.parametrize("solver", ["dop853", "cvode", "radau", "rk4"])
 def test_conditions_and_samples_at_the_stop_time(beside, solver):
-    run = lmoc.compile_text(EVENTS).simulate(parameters={"at": beside(0.7)}, stop=0.7, solver=solver)
+    run = compiled_text(EVENTS).simulate(parameters={"at": beside(0.7)}, stop=0.7, solver=solver)
     assert [run[name][-1] for name in ("n", "m", "k", "l")] == [1, 1, 1, 1]
     assert run.time[-1] == 0.7
 
@@ -109,7 +108,7 @@ def test_conditions_and_samples_at_the_stop_time(beside, solver):
 @pytest.mark.parametrize("beside", BESIDE)
 def test_the_model_ends_the_run_at_the_stop_time(beside):
     text = EVENTS.replace("equation\n", 'equation\n  when time >= at then terminate("enough"); end when;\n')
-    run = lmoc.compile_text(text).simulate(parameters={"at": beside(0.7)}, stop=0.7)
+    run = compiled_text(text).simulate(parameters={"at": beside(0.7)}, stop=0.7)
     assert any(d.code == "N0552" for d in run.notes) and run.end.time == pytest.approx(0.7, abs=1e-15)
 
 
@@ -127,7 +126,7 @@ end Ball;
 @pytest.mark.parametrize("solver", ["dop853", "cvode", "radau", "gauss"])
 def test_an_impact_or_the_last_bounce_at_the_stop_time(solver):
     """Impact at 1 s; all bounces are over at 1 + 2·(e + e² + …) = 3 s for e = 0.5."""
-    dae = lmoc.compile_text(BALL)
+    dae = compiled_text(BALL)
     for at in (beside(1.0) for beside in BESIDE):
         run = dae.simulate(stop=at, solver=solver)
         assert [e.kind for e in run.events] == ["impact"] and run["m.v"][-1] == pytest.approx(5.0, rel=1e-6)
@@ -138,6 +137,6 @@ def test_an_impact_or_the_last_bounce_at_the_stop_time(solver):
 
 def test_an_impact_at_the_start():
     text = BALL.replace("q(start = 5, fixed = true), v(start = 0", "q(start = 0, fixed = true), v(start = -10")
-    run = lmoc.compile_text(text).simulate(start=2.0, stop=2.5)
+    run = compiled_text(text).simulate(start=2.0, stop=2.5)
     assert [(e.kind, e.time) for e in run.events] == [("impact", 2.0)]
     assert run["m.v"][-1] == pytest.approx(0.0, abs=1e-9)

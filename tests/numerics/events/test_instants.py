@@ -4,6 +4,7 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
+from oracles.models import compiled_text
 
 import lmoc
 
@@ -25,7 +26,7 @@ end Ball;"""
 
 
 def run(text: str, **options) -> lmoc.Run:
-    return lmoc.compile_text(text).simulate(**{"rtol": 1e-10, "points": 11} | options)
+    return compiled_text(text).simulate(**{"rtol": 1e-10, "points": 11} | options)
 
 
 def times_of(result, kind: str = "when") -> list[float]:
@@ -68,7 +69,7 @@ def test_no_ball_falls_through_its_floor(solver: str) -> None:
     """Hops that become too low to be seen end a run: however fast they do, wherever the floor is, with every method."""
     ball = BALL.replace("start = 1,", "start = floor + 1,").replace("h <= 0", "h <= floor")
     ball = ball.replace("e = 0.7", "e = 0.7, floor = 0")
-    dae = lmoc.compile_text(ball)
+    dae = compiled_text(ball)
     for e, floor in ((0.05, 0.0), (0.5, 5.0)):
         zeno = sqrt(2 / G) * (1 + e) / (1 - e)
         with pytest.raises(lmoc.SimulationError, match="switches back and forth") as failed:
@@ -322,7 +323,7 @@ def test_an_iteration_without_end_is_an_error() -> None:
 
 
 def test_a_run_goes_on_from_where_another_has_ended() -> None:
-    model = lmoc.compile_text(BALL)
+    model = compiled_text(BALL)
     whole = model.simulate(stop=2, rtol=1e-10, points=5)
     half = model.simulate(stop=1, rtol=1e-10, points=3)
     rest = model.simulate(initial=half.trajectory.end, stop=2, rtol=1e-10, points=3)
@@ -352,7 +353,7 @@ def test_discrete_variables_start_where_they_are_told_to() -> None:
     text = """model D Integer k(start = 2); Real x(start = 1, fixed = true); discrete Real level;
       initial equation level = 5;
       equation der(x) = -k; when x < 0.1 then k = pre(k) + 1; level = 2*pre(level); end when; end D;"""
-    model = lmoc.compile_text(text)
+    model = compiled_text(text)
     assert model.simulate(stop=1)["k"][-1] == 3
     result = model.simulate(stop=1, initial={"k": 7})
     assert (result["k"][0], result["k"][-1], result["level"][0], result["level"][-1]) == (7, 8, 5, 10)
@@ -370,7 +371,7 @@ def test_a_sample_needs_a_positive_interval() -> None:
 def test_a_variable_changes_in_one_when_only(body: str, line: int) -> None:
     text = f"model M\nReal x(start = 0, fixed = true); Integer n(start = 0);\nequation der(x) = 1;\n{body}\nend M;"
     with pytest.raises(lmoc.ModelError) as caught:
-        lmoc.compile_text(text)
+        compiled_text(text)
     assert [(d.code, d.span.line) for d in caught.value.diagnostics] == [("E0254", line)]
 
 

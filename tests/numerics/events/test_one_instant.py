@@ -5,8 +5,7 @@ from math import ceil, floor
 
 import numpy as np
 import pytest
-
-import lmoc
+from oracles.models import compiled_text
 
 TICKS = """
 model Ticks "A level that is reached at some ticks of a clock"
@@ -29,7 +28,7 @@ def counted(a, length, stop):
 
 
 def test_levels_at_ticks():
-    dae, draw = lmoc.compile_text(TICKS), np.random.default_rng(1)
+    dae, draw = compiled_text(TICKS), np.random.default_rng(1)
     cases = [(Fraction(2), Fraction(1, 4)), (Fraction(7, 10), Fraction(1, 4)), (Fraction(-3, 5), Fraction(1, 10))]
     cases += [(Fraction(int(draw.integers(1, 40)), 10), Fraction(int(draw.integers(1, 30)), 100)) for _ in range(6)]
     for a, length in cases:
@@ -61,7 +60,7 @@ end Two;
 
 @pytest.mark.parametrize("solver", ["dop853", "cvode", "radau", "gauss", "rk4"])
 def test_two_conditions_at_one_instant_fire_once(solver):
-    dae = lmoc.compile_text(TWO)
+    dae = compiled_text(TWO)
     for moment, s in ((0.6, 1.0), (0.3, 0.7), (1 / 3, 3.0), (0.1 + 0.2, 0.1), (5.1, 1 / 7)):
         run = dae.simulate(parameters={"s": s, "level": s * moment, "moment": moment}, stop=1.2 * moment, solver=solver)
         assert [run[name][-1] for name in ("n", "m", "j")] == [1, 1, 1], (moment, s)
@@ -69,7 +68,7 @@ def test_two_conditions_at_one_instant_fire_once(solver):
 
 
 def test_events_farther_apart_are_two():
-    dae = lmoc.compile_text(TWO)
+    dae = compiled_text(TWO)
     for apart in (1e-9, -1e-9):
         run = dae.simulate(parameters={"level": 0.6 + apart}, stop=1.0)
         assert [run[name][-1] for name in ("n", "m", "j")] == [2, 1, 2]
@@ -88,7 +87,7 @@ def test_an_impact_at_a_tick():
       when sample(length, length) then n = pre(n) + 1; end when;
     end Ball;
     """
-    dae = lmoc.compile_text(text)
+    dae = compiled_text(text)
     for length in np.linspace(0.3, 0.9, 7):
         run = dae.simulate(parameters={"length": length}, stop=1.5 * length)
         assert [(e.name, e.time) for e in run.events] == [("s", length), ("Ball", length)]
@@ -112,7 +111,7 @@ end Play;
 
 @pytest.mark.parametrize("solver", ["dop853", "cvode"])
 def test_what_stays_exactly_zero_does_not_cross_it(solver):
-    dae, draw = lmoc.compile_text(PLAY), np.random.default_rng(3)
+    dae, draw = compiled_text(PLAY), np.random.default_rng(3)
     for play in [0.25, *draw.uniform(0.01, 0.9, 2)]:
         run = dae.simulate(parameters={"play": play}, stop=6 * np.pi, points=301, solver=solver, rtol=1e-10)
         inside = np.abs(np.abs(run["x"]) - play) > 1e-7
