@@ -1,7 +1,7 @@
 """Checks in a process of their own, so that typing is never slowed by them.
 
-One check runs at a time. A newer text of the same file takes the place of one that waits or runs; a check that takes
-longer than its budget is ended, and that is said instead of its findings.
+One check runs at a time. A newer text of the same file takes the place of one that waits, and of one that has run for
+some time; a check that takes longer than its budget is ended, and that is said instead of its findings.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from lmoc.editor.checking import Checked, Finding, check
 from lmoc.support.records import dataclass
 
 BUDGET = 30.0  # s
+PATIENCE = 2.0  # s that a check of a text goes on when there is a newer one: to begin a process anew costs as much
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class Checker:
             waited = 0.0
             while not pipe.poll(0.05):
                 waited += 0.05
-                if request.path in self._waiting or self._closed:
+                if self._closed or request.path in self._waiting and waited > PATIENCE:
                     self._end_process()
                     return None
                 if waited > self._budget:
