@@ -24,7 +24,7 @@ export class Drag {
     }
     const vertex = motion.vertex(item, place, places(player.t));
     const { names, references, extremes } = motion;
-    this.held = { item: k, vertex, motion: { names, references, extremes } };
+    this.held = { item: k, vertex, motion: { names, references, extremes }, watched: this.page.watched() };
     this.before = JSON.stringify(init);
     stage.partOf.get(item).group.classList.add("held");
     if (pulls) this.grab(place);
@@ -49,7 +49,7 @@ export class Drag {
     const found = await page.engine.ask("reach", asked).catch(({ message }) => sayHeld(`The scene does not go there: ${message}.`));
     if (!found || this.held === null) return;
     page.init = found.initial;
-    page.stage.show(page.motion, found.places);
+    page.showHeld(found);
     page.starts.put(page.init, (name) => found.states[name]);
   }
 
@@ -58,7 +58,7 @@ export class Drag {
     const { pulling, page } = this;
     const found = await page.engine.ask("pull", { to: pulling.to, t });
     if (found === null || this.pulling !== pulling) return;
-    page.stage.show(page.motion, found.places);
+    page.showHeld(found);
     page.stage.showHand(found.at, pulling.to);
   }
 

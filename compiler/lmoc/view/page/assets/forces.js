@@ -6,6 +6,7 @@ import { $, putText } from "./dom.js";
 export class Forces {
   constructor(items, unitOf) {
     this.names = new Map(items.map((item) => [item, forceNames(item, unitOf)]).filter(([, names]) => names.length));
+    this.all = [...this.names.values()].flat();
     this.on = false;
     $("forces").disabled = this.names.size === 0;
     if ($("forces").disabled) $("forces").parentElement.title = "nothing in the picture pulls or pushes";
@@ -22,7 +23,7 @@ export class Forces {
   }
 
   put(answer) {
-    this.values = answer.reader([...this.names.values()].flat());
+    this.values = answer.reader(this.all);
     this.largest = 0;
     for (const own of this.names.values()) {
       const parts = own.map((name) => answer.of(name));
@@ -32,12 +33,16 @@ export class Forces {
 
   /** Show them at the instant t, `places` move the picture; none where they are not `wanted`. */
   show(t, stage, motion, places, wanted) {
-    const shown = this.on && wanted && this.largest > 0;
-    putText($("scale"), shown ? `(longest ${format(this.largest)} N)` : "");
-    const now = shown ? this.values(t) : [];
+    this.draw(wanted ? this.values(t) : null, stage, motion, places);
+  }
+
+  /** Show forces that have the values of `all`, null for none. One that is larger than any before changes the scale. */
+  draw(values, stage, motion, places) {
     let next = 0;
-    const forces = shown ? [...this.names].map(([item, { length }]) => [item, now.slice(next, (next += length))]) : [];
-    stage.showForces(motion, places, new Map(forces), shown ? this.largest : 1);
+    const forces = this.on && values !== null ? [...this.names].map(([item, { length }]) => [item, values.slice(next, (next += length))]) : [];
+    for (const [, force] of forces) this.largest = Math.max(this.largest, Math.hypot(...force) || 0);
+    putText($("scale"), forces.length && this.largest > 0 ? `(longest ${format(this.largest)} N)` : "");
+    stage.showForces(motion, places, new Map(forces), this.largest || 1);
   }
 }
 

@@ -47,7 +47,7 @@ class Page {
     this.init = {}; // states at the start that the hand has given
     this.pulls = []; // [t, part, signals] of the hand while the scene ran
     this.serial = 0;
-    this.told = -Infinity; // when texts have been written, ms
+    this.told = this.written = -Infinity; // when texts have been written, ms, and values of what a hand moves
     this.engine = this.sliders = this.starts = this.motion = this.swing = null;
     this.accuracy = new Accuracy(data);
     this.drag = new Drag(this);
@@ -408,6 +408,22 @@ class Page {
     if (!stays) this.tellValues(t);
   }
 
+  /** Names of what is shown while a hand moves the scene. */
+  watched() {
+    return [...this.chooser.shown, ...this.forces.all];
+  }
+
+  /** Show where a hand has brought the scene: `watched` are the values of what `watched()` had named. */
+  showHeld({ places, watched }) {
+    this.stage.show(this.motion, places);
+    if (watched.length !== this.watched().length) return; // something else has been chosen meanwhile
+    const count = this.chooser.shown.length;
+    this.forces.draw(watched.slice(count), this.stage, this.motion, places);
+    if (performance.now() - this.written < READ) return;
+    this.written = performance.now();
+    this.values.write(watched.slice(0, count));
+  }
+
   tellTime(t) {
     this.told = performance.now();
     $("time").setAttribute("aria-valuetext", `${t.toFixed(3)} seconds`);
@@ -417,7 +433,7 @@ class Page {
 
   /** Whose motion plots, values and terms tell, where the picture shows another one. */
   whose() {
-    if (this.drag.pulling !== null) return "Plots and values are of the run before the pull until you let go.";
+    if (this.drag.pulling !== null) return "Until you let go, curves, parts and terms are those before the pull.";
     return this.swing === null ? "" : "The picture swings in a mode; plots and values are of the run.";
   }
 

@@ -99,7 +99,7 @@ export class Pull {
     return [this.stiffness, short(w[hand.potentials[0]] + way)];
   }
 
-  /** Pull towards a place, and go on to a time: what moves the picture there, and where the hand holds. */
+  /** Pull towards a place, and go on to a time: what moves the picture there, where the hand holds, and the registers. */
   to(place, t) {
     if (this.done) return null;
     this.add(this.signals(place));
@@ -107,8 +107,9 @@ export class Pull {
     if (this.run.horizon > this.now.t) this.advance();
     if (this.done) return null;
     const { motion, item, vertex, read } = this.grip;
-    const places = read(this.observed());
-    return { places, at: motion.point(item, vertex, places) };
+    const w = this.observed();
+    const places = read(w);
+    return { places, at: motion.point(item, vertex, places), w };
   }
 
   add(signals) {

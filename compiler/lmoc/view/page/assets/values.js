@@ -18,7 +18,11 @@ export class Values {
   }
 
   show(t) {
-    const [now, other] = [this.now(t), this.other?.(t)];
+    this.write(this.now(t), this.other?.(t));
+  }
+
+  /** Show values of `names`, and those of the recorded run, if there are any. */
+  write(now, other) {
     for (let k = 0; k < now.length; k++) {
       const { children } = this.body.children[k];
       putText(children[1], format(now[k]));

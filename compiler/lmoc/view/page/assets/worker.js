@@ -53,20 +53,21 @@ class Work {
   }
 
   /** Begin to pull at a part at a time; whether it can be pulled. */
-  grab({ t, motion, item, vertex, speed, ...setup }) {
+  grab({ t, motion, item, vertex, speed, watched, ...setup }) {
     const own = this.picture.items[item];
     const held = gripAt(own, vertex, this.script);
     if (held === undefined) return false;
     const moves = new Motion(this.picture, motion.names, motion.references, motion.extremes);
     const grip = { ...held, item: own, vertex, motion: moves, read: this.reader(motion.names), speed };
+    this.watched = this.reader(watched);
     this.pulling = new Pull(this.repeater, setup, grip, t);
     return !this.pulling.done;
   }
 
-  /** Pull towards a place of the picture until a time: what moves the picture there; null where the run has ended. */
+  /** Pull towards a place of the picture until a time: what moves the picture there, and what is watched; null where the run has ended. */
   pull({ to, t }) {
     const found = this.pulling.to(to, t);
-    return found === null ? null : { places: found.places, at: found.at };
+    return found === null ? null : { places: found.places, at: found.at, watched: this.watched(found.w) };
   }
 
   /** Let go: the answer, and what has been pulled. */
@@ -75,10 +76,10 @@ class Work {
   }
 
   /**
-   * The start at which a point of an item of the picture is nearest to a place, {initial, states, places}, the values of
-   * all states there and of what moves the picture; constraints hold. `motion` has what `Motion` is made of, `vertex` the point in the item's frame.
+   * The start at which a point of an item of the picture is nearest to a place, {initial, states, places, watched}, the values of
+   * all states there, of what moves the picture and of what is watched; constraints hold. `motion` has what `Motion` is made of, `vertex` the point in the item's frame.
    */
-  reach({ values, initial, motion, item, vertex, to }) {
+  reach({ values, initial, motion, item, vertex, watched, to }) {
     const { repeater, picture } = this;
     const { scene } = repeater;
     const x = scene.start(repeater.slotsOf(values), initial);
@@ -87,7 +88,8 @@ class Work {
     const begin = scene.data.begin;
     const w = scene.observe(begin, found);
     const changed = scene.data.names.flatMap((name, j) => (found[j] !== x[j] || name in initial ? [[name, found[j]]] : []));
-    return { initial: Object.fromEntries(changed), states: Object.fromEntries(scene.data.names.map((name, j) => [name, found[j]])), places: this.reader(motion.names)(w) };
+    const states = Object.fromEntries(scene.data.names.map((name, j) => [name, found[j]]));
+    return { initial: Object.fromEntries(changed), states, places: this.reader(motion.names)(w), watched: this.reader(watched)(w) };
   }
 
   /** Where a point of an item is in the picture, as a function of the registers. */
