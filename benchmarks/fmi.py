@@ -124,10 +124,11 @@ def difference(run, result, names: Iterable[str]) -> float:
     return worst
 
 
-def events_of(run, lines: list[str]) -> str:
+def events_of(dae, run, lines: list[str]) -> str:
     """Return how many events of laws come in the same order, of how many; empty without any."""
-    others = "when", "time", "relation", "change", "sample", "step"
-    own = [(e.name, e.kind) for e in run.events if e.kind not in others]
+    form = dae.reduced.switched
+    kinds = {"impact", "accumulation"} | {k for g in (form.laws if form else ()) for k in (g.closing, g.opening)}
+    own = [(e.name, e.kind) for e in run.events if e.kind in kinds]
     told = [m.groups() for line in lines if (m := re.match(r"t = \S+ s: (.*): (.*), impulse", line))]
     same = next((k for k, (a, b) in enumerate(zip(own, told, strict=False)) if a != b), min(len(own), len(told)))
     return f" ({same} of {len(own)} events)" if own or told else ""
@@ -156,7 +157,8 @@ def compare(path: str | Path, fmi: int):
         times = np.linspace(start, stop, steps + 1)
         run = dae.simulate(times=times, rtol=RTOL / 100, inputs=inputs)
         keep = np.searchsorted(result["time"], times - 1e-9 * (stop - start))
-        found[kind, steps] = difference(run, result[np.minimum(keep, len(result) - 1)], names), events_of(run, lines)
+        off = difference(run, result[np.minimum(keep, len(result) - 1)], names)
+        found[kind, steps] = off, events_of(dae, run, lines)
     return said, found
 
 
@@ -174,7 +176,7 @@ def by_cvode(path: Path) -> str:
         result = {"time": times} | dict(zip(begin, found.T, strict=True))
         return f"{difference(run, result, begin):.4g} by hand"
     if smooth and len(run.trajectory.segments) == 1:
-        functions = dae.functions()
+        functions = dae.functions
         text = (
             f"import casadi\node = casadi.Function.deserialize({functions.ode.serialize()!r})\n"
             f"values, inputs = {list(map(float, functions.values))!r}, {[0.0] * len(functions.inputs)!r}\n"

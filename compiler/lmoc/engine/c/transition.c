@@ -189,16 +189,17 @@ static int to_rest(decision *d, lmoc_flag *which, double *energy) {
   return LMOC_SOLVED;
 }
 
-/* Laws that have just left, and have closed again and again since without having come back: the integrator makes a step
-   over the whole hop, however it begins. They have bounced for the last time. */
+/* Laws that have just left, and have closed again and again since no faster than that, as if they had not come back: the
+   integrator makes a step over the whole hop, however it begins. They have bounced for the last time. */
 static int unseen(decision *d) {
   lmoc_flag *ends = d->one, *rest = d->other, *over = d->found->accumulated;
   int some = 0, failed;
   double energy = 0;
   for (int64_t i = 0; i < d->n && d->k->guessed; i++) {
     const int leaves = d->touching[i] && d->trigger->closing[i] && d->now.rate[i] > d->least[i];
-    ends[i] = leaves && lmoc_is_impulsive(d->k, i) && d->trigger->left[i] > 0 && d->trigger->idle[i] >= UNSEEN &&
-              !lmoc_is_lossless(d->k, i);
+    const double left = d->trigger->left[i];
+    const int again = d->trigger->idle[i] >= UNSEEN && d->now.rate[i] < 1.01 * left;
+    ends[i] = leaves && again && lmoc_is_impulsive(d->k, i) && !lmoc_is_lossless(d->k, i);
     rest[i] = d->touching[i] && !ends[i];
     some |= ends[i];
   }
