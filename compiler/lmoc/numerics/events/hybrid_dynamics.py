@@ -106,6 +106,7 @@ class HybridDynamics:
         self._law_roots = 0
         self._roots: Roots | None = None  # of the present segment …
         self._signs: np.ndarray | None = None  # … and their signs where it has begun
+        self._signals: tuple[Mode, Mapping[int, Signal]] | None = None  # of the mode that was asked for last
 
     def memory(self) -> Memory:
         """Return what decides about the next instant, for `recall`."""
@@ -168,7 +169,7 @@ class HybridDynamics:
         base : registers of the other plan that do not change during a run, with all laws open
         t, x : where the run stands
         """
-        self.plan, self.open = plan, base.copy()
+        self.plan, self.open, self._signals = plan, base.copy(), None
         if self.handler is not None:
             self.handler.adopt(plan, base, t, x)
         if self.laws is not None:
@@ -186,16 +187,17 @@ class HybridDynamics:
         """The inputs, with the values of the laws' modes."""
         if self.laws is None:
             return self.given
-        held = {v: s for v, s in self.laws.signals().items() if isinstance(self.given[v], Constant)}
-        return {**self.given, **held}  # forces that steps of equal length fill stay what they are
+        mode = self.laws.mode
+        if self._signals is None or self._signals[0] is not mode:
+            held = {v: s for v, s in self.laws.signals().items() if isinstance(self.given[v], Constant)}
+            self._signals = mode, {**self.given, **held}  # forces that steps of equal length fill stay what they are
+        return self._signals[1]
 
     def base(self) -> np.ndarray:
         """Return the registers that do not change until the next event."""
         base = self._with_discrete(self.open)
         if self.laws is not None:
-            for variables, values in self.laws.mode.inputs(self.laws.kinematics.form):
-                base[self.plan.reduced.register_of[variables]] = values
-            base[self.plan.held[self.laws.held]] = 1.0
+            self.laws.put(base)
         return base
 
     @property
@@ -260,10 +262,12 @@ class HybridDynamics:
         t, x, roots = outcome.time, outcome.x, self._roots
         if roots is None or outcome.status.failed or not len(x) or not t > self._reached:
             return outcome
+        own = np.zeros(len(self._signs), bool) if outcome.roots is None else outcome.roots
+        if self.handler is None and own.all():
+            return outcome
         rates, ahead = np.empty(len(x)), located(t, self.span[0])
         system.rhs(t, x, rates)
         values = roots.values(np.array([t, t + ahead]), np.stack([x, x + ahead * rates])) * self._signs
-        own = np.zeros(len(self._signs), bool) if outcome.roots is None else outcome.roots
         with np.errstate(invalid="ignore"):
             soon = ~own & (values[1] < 0.0) & (values[1] < values[0])
         return replace(outcome, status=Status.ROOT, roots=own | soon) if soon.any() else outcome

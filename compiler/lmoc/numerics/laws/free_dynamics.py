@@ -76,6 +76,12 @@ def quantities_of(plan: Plan, form: Switched, degree: Indices) -> Quantities:
     return Quantities(variables, np.where(variables == NONE, -1, plan.reduced.register_of[variables]))
 
 
+def mode_registers(plan: Plan) -> Indices:
+    """Return the registers (3, laws) that say which laws are closed, with which constant force, or slip whither."""
+    form, register = plan.reduced.switched, plan.reduced.register_of
+    return np.stack([np.where(v == NONE, -1, register[v]) for v in (form.closed, form.push, form.direction)])
+
+
 def limits_of(form: Switched) -> tuple[Indices, Indices]:
     """Return the variables of the slip and stick limits; of contact friction, its coefficient."""
     slip, stick = [], []
@@ -183,8 +189,7 @@ class FreeDynamics:
     @cached_property
     def inputs(self) -> Indices:
         """(3, laws) registers that say in which mode each law is; -1 for none."""
-        form, register = self.plan.reduced.switched, self.plan.reduced.register_of
-        return np.stack([np.where(v == NONE, -1, register[v]) for v in (form.closed, form.push, form.direction)])
+        return mode_registers(self.plan)
 
     @property
     def asks_for_inputs(self) -> bool:

@@ -15,6 +15,7 @@ from lmoc.ir.law import Switched
 from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
+from lmoc.numerics.laws.free_dynamics import mode_registers
 from lmoc.numerics.laws.instant import ContactKinematics
 from lmoc.numerics.laws.law_run import CHATTERS, GAP_JUMPS, NO_END, LawRun
 from lmoc.numerics.laws.reading import reader
@@ -55,6 +56,9 @@ class LawSwitching:
         self.undecided: list[tuple[float, list[str]]] = []  # s, and the laws of impacts whose order would matter
         self.ledger = plan.accounts if self.kinematics.stored else (-1, -1)
         self.run = LawRun(self.kinematics, self.ledger, moment)
+        registers = mode_registers(plan).ravel()
+        self._shown = np.flatnonzero(registers >= 0)  # numbers of a mode that stand in registers, and in which
+        self._registers = registers[self._shown]
         self._mode: Mode = self.run.mode
         self._signals: tuple[Mode, dict[int, Signal]] | None = None
 
@@ -86,6 +90,13 @@ class LawSwitching:
     def allow(self, unresolved: Array | float, errors: Array | float) -> None:
         """Take what the integrator tells the states apart by no more, and what it has allowed itself in a step."""
         self.run.unresolved[:], self.run.errors[:] = unresolved, errors
+
+    def put(self, base: Array) -> None:
+        """Put the mode into registers that do not change until the next event."""
+        mode = self.mode
+        numbers = np.concatenate([mode.closed & ~mode.implied, mode.push, mode.direction])
+        base[self._registers] = numbers[self._shown]
+        base[self.kinematics.plan.held[self.held]] = 1.0
 
     def signals(self) -> dict[int, Signal]:
         """Return the values of the mode, by flat variables."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import accumulate
 from typing import Protocol
 
 import numpy as np
@@ -57,7 +58,7 @@ class Monitors:
     def watch(self, observer: Observer, t: float, x: np.ndarray) -> Roots | None:
         """Return what all watch in a segment that begins at a place; None where that is nothing."""
         found = [m.watch(observer, t, x) for m in self._all]
-        self._ends = np.cumsum([0 if roots is None else len(roots.signs) for roots in found]).tolist()
+        self._ends = [*accumulate(0 if roots is None else len(roots.signs) for roots in found)]
         known = [roots for roots in found if roots is not None]
         return joined(known) if known else None
 
