@@ -152,6 +152,10 @@ class Instant:
             raise MemoryError
         return found[:count]
 
+    def begun(self) -> np.ndarray:
+        """Return the discrete values with which the last round of an event began, (discrete,)."""
+        return self.history[BEGUN].copy()
+
     def tried(
         self,
         x: np.ndarray,

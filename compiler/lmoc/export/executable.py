@@ -136,7 +136,7 @@ def executable(dae: CompiledDAE) -> Executable:
         raise refusal(flat, why)
     zero_inputs = {flat.variable_name(v): 0.0 for v in open_inputs}
     run = dae.simulate(energy=False, inputs=zero_inputs)
-    first, minimal = run.trajectory.segments[0], plan
+    minimal = plan
     of_loops = in_all_coordinates(dae, run)
     if of_loops is not None:
         plan = build_plan(of_loops, signals, False, report)
@@ -147,14 +147,7 @@ def executable(dae: CompiledDAE) -> Executable:
     right, observing, exported = _programs(plan)
     observe = values_tape(observing, plan.count)
     unknowns = np.concatenate([_unknowns(right), _unknowns(observe)]).astype(int)
-    if of_loops is None:
-        guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
-        guessed = guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0)
-        start = begun(run, len(plan.states))
-        motion = np.concatenate([segment.table[:, : len(plan.states)] for segment in run.trajectory.segments])
-    else:
-        guessed, start = (values_at_start(run.trajectory, plan, r) for r in (unknowns, plan.states))
-        motion = states_along(run.trajectory, plan)
+    guessed, start, motion = _motion(run, plan, unknowns, of_loops is not None)
     values = plan.reduced.flat.extended(dae.values)
     laws = law_tables(plan, values, signals, _inputs, (run.time, motion)) if reduced.switched is not None else None
     jumps = jump_tables(plan)
@@ -173,10 +166,7 @@ def executable(dae: CompiledDAE) -> Executable:
     variables = listed(dae, plan, inputs, exported, settable, events, [] if laws is None else laws.indicator_texts)
     variables = variables if loops is None else as_given(variables, loops, closing)
     outputs = np.array(sorted({v.register for v in variables if v.causality == "output"}), int)
-    rule = Jacobian(
-        plan.program + observing, np.concatenate([plan.states, inputs]).astype(int),
-        np.concatenate([plan.derivatives, outputs]).astype(int), plan.count,
-    )  # fmt: skip
+    rule = _slopes(plan, observing, inputs, outputs)
     nominal = np.abs(motion).max(axis=0, initial=0.0)
     return Executable(
         dae, run, plan, values_tape(from_parameters, len(known)), right, observe,
@@ -187,6 +177,29 @@ def executable(dae: CompiledDAE) -> Executable:
         step_factor(dae, plan, run, zero_inputs),
         kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, laws,
         jumps, loops, closing, variables, assumed, zero_inputs, held,
+    )  # fmt: skip
+
+
+def _motion(
+    run: Run, plan: Plan, unknowns: np.ndarray, of_loops: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the unknowns of blocks and the states at the start of a run, and the states along it (times, states)."""
+    trajectory = run.trajectory
+    if of_loops:
+        guessed, start = (values_at_start(trajectory, plan, r) for r in (unknowns, plan.states))
+        return guessed, start, states_along(trajectory, plan)
+    first = trajectory.segments[0]
+    guess = slice_of(first.observer.plan, unknowns).bind(first.observer.base, first.observer.signals)
+    guessed = guess(first.time[:1], first.table[:1])[0] if len(unknowns) else np.zeros(0)
+    motion = np.concatenate([segment.table[:, : len(plan.states)] for segment in trajectory.segments])
+    return guessed, begun(run, len(plan.states)), motion
+
+
+def _slopes(plan: Plan, observing: Program, inputs: np.ndarray, outputs: np.ndarray) -> Jacobian:
+    """Return the derivatives of states' rates and outputs by states and inputs."""
+    return Jacobian(
+        plan.program + observing, np.concatenate([plan.states, inputs]).astype(int),
+        np.concatenate([plan.derivatives, outputs]).astype(int), plan.count,
     )  # fmt: skip
 
 

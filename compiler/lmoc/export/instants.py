@@ -17,8 +17,7 @@ from lmoc.ir.flat import Check, FlatDAE, Kind
 from lmoc.ir.program import Apply, Program, needed_steps, unfilled
 from lmoc.lower.blocks import values_tape
 from lmoc.lower.tape import Tape
-from lmoc.numerics.events.discrete_state import initial_values
-from lmoc.numerics.events.layout import EventLayout
+from lmoc.numerics.events.layout import EventLayout, initial_values
 from lmoc.numerics.events.tables import NONE, OPS, Condition, Memory, Tables, event_tables
 from lmoc.numerics.failures.assertions import relations_of
 from lmoc.numerics.plan.plan import Plan

@@ -19,7 +19,7 @@ from lmoc.expression.functions import Kind as Treatment
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.ir.program import Apply, Program, Total, unfilled, written
 from lmoc.messages.diagnostics import ModelError
-from lmoc.numerics.events.discrete_state import initial_values
+from lmoc.numerics.events.layout import initial_values
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.signals import Signal

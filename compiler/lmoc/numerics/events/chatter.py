@@ -13,7 +13,8 @@ import numpy as np
 from lmoc.engine.hops import Hops
 from lmoc.ir.events import Relations
 from lmoc.messages.source import Span as SourceSpan
-from lmoc.numerics.events.discrete_state import DiscreteState, located
+from lmoc.numerics.events.closeness import located
+from lmoc.numerics.events.discrete_state import DiscreteState
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.failures.chatter import FRICTION_HINT
 from lmoc.numerics.problem.base import Outcome
@@ -49,12 +50,13 @@ class Crossings:
             moves away from it.
         """
         hops, layout, t = self._hops, discrete.layout, outcome.time
-        busy = discrete.cross(hops, t, which)
+        busy = hops.cross(discrete.instant, t, which)
         if busy >= 0:
             moment = t - hops.times[busy, 0]
             relations = [layout.relation_at(k) for k in np.flatnonzero(t - hops.times[:, -1] <= moment).tolist()]
             raise _stopped(relations, f"{hops.times.shape[1]} times within {moment:.1g} s")
-        wrong = discrete.wrong_way(hops, outcome, which)
+        discrete.look_along(hops, outcome)
+        wrong = hops.wrong_way(discrete.instant, t, outcome.x, which)
         if len(wrong):
             raise self._too_low(layout, wrong)
 
@@ -78,7 +80,9 @@ class Crossings:
         Stopped
             A hop is too low to be seen.
         """
-        found, too_low = discrete.turned_back(self._hops, outcome, x, which, at)
+        discrete.look_along(self._hops, outcome)
+        discrete.inputs(outcome.time)
+        found, too_low = self._hops.turned_back(discrete.instant, outcome.time, (outcome.x, x), which, at)
         if too_low:
             raise self._too_low(discrete.layout, found)
         return found

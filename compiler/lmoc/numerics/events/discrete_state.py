@@ -12,74 +12,21 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lmoc.engine.hops import Hops
-from lmoc.engine.instant import BEGUN, SETTLED, Instant
+from lmoc.engine.instant import SETTLED, Instant
 from lmoc.engine.kernel import Kernel
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
-from lmoc.ir.flat import FlatDAE, Kind
-from lmoc.numerics.events.layout import EventLayout
+from lmoc.ir.flat import Kind
+from lmoc.numerics.events.happened import Happened, NotAState, Unsettled
+from lmoc.numerics.events.layout import EventLayout, initial_values
 from lmoc.numerics.events.tables import PlanTables
 from lmoc.numerics.events.trials import prefer_regular
 from lmoc.numerics.limits import ULP
 from lmoc.numerics.observe.one_state import moved as moved_to
-from lmoc.numerics.observe.one_state import why_not
 from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.signals.signals import Signal
-from lmoc.support.records import dataclass
 
 _REMEMBERED = ("v", "zero", "margin", "largest", "high", "crossed", "early")
-
-
-class Unsettled(Exception):
-    """No values of the discrete variables satisfy all equations, or events follow each other without end.
-
-    Attributes
-    ----------
-    variables : those that keep changing
-    """
-
-    def __init__(self, variables: np.ndarray) -> None:
-        super().__init__()
-        self.variables = variables
-
-
-class NotAState(Exception):
-    """A `reinit` of a variable that does not follow from one state alone, or not so far.
-
-    Attributes
-    ----------
-    variable : which
-    followed : (k,) indices of the states that it follows from
-    """
-
-    def __init__(self, variable: int, followed: np.ndarray) -> None:
-        super().__init__()
-        self.variable, self.followed = variable, followed
-
-    def reason(self, layout: EventLayout) -> str:
-        """Return why the `reinit` has failed, with its line."""
-        name = layout.flat.variable_name(self.variable)
-        span = next(r.span for r in layout.events.reinits if self.variable in r.target)
-        why = why_not(self.followed, layout.plan.reduced.state_names)
-        return f"'{name}' cannot be given a new value by reinit ({span.source.name}, line {span.line}): {why}"
-
-
-@dataclass(frozen=True, eq=False)
-class Happened:
-    """The effect of an event.
-
-    Attributes
-    ----------
-    x : states behind it
-    whens : (when-clause, row) of each branch that was carried out, in order
-    terminations : those whose guard was true
-    broken : (check of the flat model, row) of those that belong to events and did not hold
-    """
-
-    x: np.ndarray
-    whens: tuple[tuple[int, int], ...]
-    terminations: tuple[int, ...]
-    broken: tuple[tuple[int, int], ...]
 
 
 class DiscreteState:
@@ -87,12 +34,14 @@ class DiscreteState:
 
     Attributes
     ----------
+    instant : what C works on
     v : (flat.count,) values of all variables as last looked at
     base : (layout.count,) registers that do not change between events
     zero : (zeros,) values of the zero functions as last looked at
     margin : (zeros,) by which a function that has just crossed zero, or is zero but for rounding, may miss it
     """
 
+    instant: Instant
     v: np.ndarray
     zero: np.ndarray
     margin: np.ndarray
@@ -114,7 +63,7 @@ class DiscreteState:
         self.layout, own = layout, layout.plan.once(PlanTables)
         self.base = np.concatenate([base, np.full(layout.count - len(base), np.nan)])
         self._own, plan = own, layout.plan
-        self._instant = e = Instant(own.tables.columns, len(plan.states), (own.assign, own.lines))
+        self.instant = e = Instant(own.tables.columns, len(plan.states), (own.assign, own.lines))
         e.fill(values)
         self.v, self.zero, self.margin = e.v[: len(values)], e.zero, e.margin
         self._pushed: bytes | None = None
@@ -133,16 +82,16 @@ class DiscreteState:
 
     def adopt(self, layout: EventLayout, base: np.ndarray) -> None:
         """Look at the same variables through another plan."""
-        before, time = self._instant, self.time
+        before, time = self.instant, self.time
         literal, values = self.literal, self.v.copy()
         self._bind(layout, base, values)
         for name in ("zero", "margin", "largest"):
-            getattr(self._instant, name)[:] = getattr(before, name)
+            getattr(self.instant, name)[:] = getattr(before, name)
         self.time, self.literal = time, literal
 
     def memory(self) -> dict[str, np.ndarray]:
         """Return what decides about the next instant, for `recall`."""
-        return {name: getattr(self._instant, name).copy() for name in _REMEMBERED}
+        return {name: getattr(self.instant, name).copy() for name in _REMEMBERED}
 
     def recall(self, memory: Mapping[str, np.ndarray], values: np.ndarray, change: np.ndarray) -> None:
         """Be as it was before an instant, with other values.
@@ -152,7 +101,7 @@ class DiscreteState:
         values : (flat.count,) of parameters
         change : (discrete,) what is added to the discrete values
         """
-        e, flat, discrete = self._instant, self.layout.flat, self.layout.events.discrete
+        e, flat, discrete = self.instant, self.layout.flat, self.layout.events.discrete
         if memory is not self._recalled:
             self._recalled, self._bounds = memory, []
         self._asked = 0
@@ -168,24 +117,24 @@ class DiscreteState:
     @property
     def time(self) -> float:
         """s, for which the discrete equations are solved."""
-        return float(self._instant.data.time)
+        return float(self.instant.data.time)
 
     @time.setter
     def time(self, value: float) -> None:
-        self._instant.data.time = value
+        self.instant.data.time = value
 
     @property
     def literal(self) -> bool:
         """Whether relations of time are taken as they are written, not as what they are right behind."""
-        return bool(self._instant.data.literal)
+        return bool(self.instant.data.literal)
 
     @literal.setter
     def literal(self, value: bool) -> None:
-        self._instant.data.literal = int(value)
+        self.instant.data.literal = int(value)
 
     def take_early(self, rows: np.ndarray) -> None:
         """Have relations of time be what they were right before, as long as others are taken as they are written."""
-        self._instant.early[rows] = 1.0
+        self.instant.early[rows] = 1.0
 
     # ----------------------------------------------------------------------- looking
 
@@ -206,10 +155,11 @@ class DiscreteState:
 
     def look(self, t: float, x: np.ndarray) -> None:
         """Take the continuous values at a place."""
-        self._inputs(t)
-        self._instant.call("lmoc_take", t, x)
+        self.inputs(t)
+        self.instant.call("lmoc_take", t, x)
 
-    def _inputs(self, t: float) -> None:
+    def inputs(self, t: float) -> None:
+        """Take the inputs at a time, where blocks are linear."""
         if self._view is not None:
             plan = self.layout.plan
             for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
@@ -229,7 +179,7 @@ class DiscreteState:
             k = int(np.searchsorted(self.layout.seen, variable))
             return float(self._values(np.array([t]), x[None])[0][k])
         view, plan = self._view, self.layout.plan
-        self._inputs(t)
+        self.inputs(t)
         view.w[plan.states] = x
         view(t)
         return float(view.w[plan.reduced.register_of[variable]])
@@ -240,8 +190,8 @@ class DiscreteState:
 
     def rounding(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return bounds for the rounding of the zero functions, (zeros,); kept as long as they hold."""
-        self._instant.call("lmoc_rounding", t, x)
-        return self._instant.bound
+        self.instant.call("lmoc_rounding", t, x)
+        return self.instant.bound
 
     def _find_bounds(self, t: float, x: np.ndarray) -> bool:
         """Bound the rounding of the zero functions.
@@ -249,7 +199,7 @@ class DiscreteState:
         A state is off by a digit of itself or of its way, whatever number it has come to, and by what the rounding of
         its rate has added up to. Where an instant is repeated with other values they are those of the first time.
         """
-        e, known = self._instant, self._recalled is not None and self._asked < len(self._bounds)
+        e, known = self.instant, self._recalled is not None and self._asked < len(self._bounds)
         if known:
             e.bound[:], e.way[:] = self._bounds[self._asked]
         else:
@@ -264,10 +214,10 @@ class DiscreteState:
         count, passed = self.layout.zero_count, t - self._begun
         rates = _finite(self.layout.rounding(w, t))[count:]
         way = _finite(np.fmax(np.abs(x), passed * np.abs(w[plan.derivatives]))) if passed > 0 else np.zeros(len(x))
-        self._instant.bound[:] = _finite(self.layout.rounding(w, t, (plan.states, ULP * way + 2.0 * passed * rates)))[
+        self.instant.bound[:] = _finite(self.layout.rounding(w, t, (plan.states, ULP * way + 2.0 * passed * rates)))[
             :count
         ]
-        self._instant.way[:] = way
+        self.instant.way[:] = way
 
     def registers(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return (layout.count,) registers with all that is given at a place."""
@@ -282,19 +232,19 @@ class DiscreteState:
         """Return which root functions are zero but for rounding where they are no higher than so much, (roots,)."""
         mask, count = np.zeros(len(height), bool), self.layout.zero_count
         quiet = np.zeros(count, np.uint8)
-        self._instant.call("lmoc_quiet", t, x, height[:count] - self.margin, quiet)
+        self.instant.call("lmoc_quiet", t, x, height[:count] - self.margin, quiet)
         mask[:count] = quiet
         return mask
 
     def remember(self) -> None:
         """``pre(v) := v``."""
-        self._instant.call("lmoc_remember")
+        self.instant.call("lmoc_remember")
 
     # ----------------------------------------------------------------- discrete equations
 
     def assign(self) -> None:
         """Carry out the discrete equations in their order."""
-        self._instant.call("lmoc_assign")
+        self.instant.call("lmoc_assign")
 
     def assigned(self, values: np.ndarray) -> np.ndarray:
         """Return what the discrete equations make of values (flat.count,) that have been and are, (discrete,).
@@ -326,9 +276,9 @@ class DiscreteState:
 
     def supposing(self, targets: np.ndarray | None) -> None:
         """Leave relations, by their discrete variables, as they are; None: they have the values of their functions."""
-        self._instant.data.supposing = targets is not None
+        self.instant.data.supposing = targets is not None
         if targets is not None:
-            self._instant.supposed[:] = np.isin(self._own.tables.columns["target"], targets)
+            self.instant.supposed[:] = np.isin(self._own.tables.columns["target"], targets)
 
     def values(self, shape: Expr, table: np.ndarray) -> np.ndarray:
         """Return an expression for all rows of a table of variables."""
@@ -336,25 +286,6 @@ class DiscreteState:
         return np.broadcast_to(np.asarray(result, float), (len(table),))
 
     # --------------------------------------------------------------------------- events
-
-    def read_by(self, changed: np.ndarray) -> np.ndarray:
-        """Return the zero functions of relations in the discrete equations of what has changed, (discrete,)."""
-        return self._instant.read_by(changed)
-
-    def tried(
-        self,
-        x: np.ndarray,
-        begun: np.ndarray,
-        zeros: np.ndarray,
-        most: tuple[int, int],
-        suits: Callable[[float, np.ndarray], bool],
-    ) -> bool:
-        """Take values of some relations that suit, changed from those that they have had: as `Instant.tried`."""
-        return self._instant.tried(x, begun, zeros, most, suits)
-
-    def begun(self) -> np.ndarray:
-        """Return the discrete values with which the last round of an event began, (discrete,)."""
-        return self._instant.history[BEGUN].copy()
 
     def event(self, t: float, x: np.ndarray, begin: Callable[[], object]) -> Happened:
         """Carry out everything that happens at an instant.
@@ -376,20 +307,20 @@ class DiscreteState:
         self.remember()
         begin()
         behind = x.copy()
-        self._judge(self._instant.call("lmoc_event", behind))
+        self._judge(self.instant.call("lmoc_event", behind))
         self.push()
-        told = [self._own.told(k) for k in self._instant.told()]
+        told = [self._own.told(k) for k in self.instant.told()]
         whens, ended, broken = ([own for kind, own in told if kind == one] for one in range(3))
         first = {number: row for number, row in reversed(broken)}
         return Happened(
-            behind if self._instant.data.jumped else x, tuple(whens), tuple(k for k, _ in ended),
+            behind if self.instant.data.jumped else x, tuple(whens), tuple(k for k, _ in ended),
             tuple((k, first[k]) for k in dict.fromkeys(number for number, _ in broken)),
         )  # fmt: skip
 
     def _judge(self, found: int) -> None:
         if found == SETTLED:
             return
-        events, changed = self.layout.events, self._instant.changed > 0
+        events, changed = self.layout.events, self.instant.changed > 0
         now, before = events.before
         keeps = np.isin(now, events.discrete) & (self.v[now] != self.v[before])
         targets = [events.discrete[changed], now[keeps], *(r.target for r in events.reinits)]
@@ -398,8 +329,8 @@ class DiscreteState:
     def reinit(self, t: float, x: np.ndarray) -> np.ndarray | None:
         """Return the states with the values that `reinit` gives them; None where it gives none."""
         self.time, some = t, np.zeros(1, np.int32)
-        self._instant.call("lmoc_reinit", x, some)
-        return self._instant.moved.copy() if some[0] else None
+        self.instant.call("lmoc_reinit", x, some)
+        return self.instant.moved.copy() if some[0] else None
 
     def _move(self, x: np.ndarray, reinit: int, wanted: float, moved: np.ndarray) -> bool:
         """Change the state that a variable of a `reinit` follows from."""
@@ -420,32 +351,15 @@ class DiscreteState:
         ----------
         include : one at the time itself counts
         """
-        return float(self._instant.call("lmoc_next_time", t, include))
+        return float(self.instant.call("lmoc_next_time", t, include))
 
     def ring(self, t: float) -> None:
         """Set the variables of `sample` whose instant this is."""
-        self._instant.call("lmoc_ring", t)
+        self.instant.call("lmoc_ring", t)
 
     # ----------------------------------------------------------------------------- hops
 
-    def cross(self, hops: Hops, t: float, which: np.ndarray) -> int:
-        """Take note of functions (zeros,) that cross zero; as `Hops.cross`."""
-        return hops.cross(self._instant, t, which)
-
-    def turned_back(
-        self, hops: Hops, outcome: Outcome, x: np.ndarray, which: np.ndarray, at: np.ndarray
-    ) -> tuple[np.ndarray, bool]:
-        """Return which functions leave zero at once behind a jump of states, as `Hops.turned_back`."""
-        self._look_along(hops, outcome)
-        self._inputs(outcome.time)
-        return hops.turned_back(self._instant, outcome.time, (outcome.x, x), which, at)
-
-    def wrong_way(self, hops: Hops, outcome: Outcome, which: np.ndarray) -> np.ndarray:
-        """Return which functions seem to be back too early, as `Hops.wrong_way`."""
-        self._look_along(hops, outcome)
-        return hops.wrong_way(self._instant, outcome.time, outcome.x, which)
-
-    def _look_along(self, hops: Hops, outcome: Outcome) -> None:
+    def look_along(self, hops: Hops, outcome: Outcome) -> None:
         """Look along the motion with the present discrete values."""
         layout, base, signals = self.layout, self.base, self.signals
         prepared: list[bool] = []
@@ -458,7 +372,7 @@ class DiscreteState:
             return layout.rates(t, x).copy(), layout.zeros(t, x)
 
         self.push()
-        hops.look(self._instant, outcome.step, motion)
+        hops.look(self.instant, outcome.step, motion)
 
     # ---------------------------------------------------------------------------- roots
 
@@ -469,27 +383,27 @@ class DiscreteState:
         ----------
         which : (zeros,) 1 for those that do, 2 for rounded ones that come to the number above
         """
-        self._instant.call("lmoc_turn_early", which)
+        self.instant.call("lmoc_turn_early", which)
 
     def crossed(self, which: np.ndarray) -> None:
         """Take note that functions have crossed zero: until they have left it, rounding does not bring them back."""
-        self._instant.call("lmoc_leave_zero", which)
+        self.instant.call("lmoc_leave_zero", which)
 
     @property
     def crossing(self) -> np.ndarray:
         """(2, zeros) the margins of functions that have just crossed zero, and their largest magnitudes since."""
-        return np.stack([self.margin, self._instant.largest])
+        return np.stack([self.margin, self.instant.largest])
 
     @crossing.setter
     def crossing(self, value: np.ndarray) -> None:
         if value.shape == (2, len(self.margin)):  # else the functions are others
-            self.margin[:], self._instant.largest[:] = value
+            self.margin[:], self.instant.largest[:] = value
 
     def signs(self) -> np.ndarray:
         """Return the sides on which the root functions stand, ±1."""
         self.push()
-        sides = np.empty(self._instant.roots)
-        self._instant.call("lmoc_root_sides", sides)
+        sides = np.empty(self.instant.roots)
+        self.instant.call("lmoc_root_sides", sides)
         return sides
 
     def heights(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -506,20 +420,9 @@ class DiscreteState:
     def roots(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return the functions whose change of sign is an event: the zero functions; of a rounded one both edges."""
         zero = np.ascontiguousarray(self._zeros(times, states))
-        found = np.empty((len(times), self._instant.roots))
-        self._instant.call("lmoc_follow", len(times), zero, found)
+        found = np.empty((len(times), self.instant.roots))
+        self.instant.call("lmoc_follow", len(times), zero, found)
         return found
-
-
-def initial_values(flat: FlatDAE, values: np.ndarray) -> np.ndarray:
-    """Return the values (flat.count,) of parameters with those that discrete variables begin with."""
-    found, discrete = values.copy(), flat.events.discrete
-    found[discrete] = 0.0
-    for a in flat.starts:
-        own = np.isin(a.target, discrete)
-        if own.any():
-            found[a.target[own]] = a.values(values)[own]
-    return found
 
 
 def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -530,13 +433,3 @@ def differ(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _finite(value: np.ndarray) -> np.ndarray:
     """Return an array with zeros for what is no finite number."""
     return np.nan_to_num(value, nan=0.0, posinf=0.0)
-
-
-def near_to(t: float) -> float:
-    """Return a distance in time that does not count: some units of the last digit."""
-    return 4e-15 * max(abs(t), 1e-300)
-
-
-def located(t: float, start: float) -> float:
-    """Return by what the place of a root may be wrong: some units of the time's last digit, and of a sum of steps."""
-    return 1e-14 * max(abs(t), abs(start)) + 1e-12 * (t - start)

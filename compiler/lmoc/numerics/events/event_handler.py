@@ -12,7 +12,9 @@ from lmoc.ir.events import Events
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.numerics.events.chatter import Crossings, where
-from lmoc.numerics.events.discrete_state import DiscreteState, Happened, NotAState, Unsettled, differ, near_to
+from lmoc.numerics.events.closeness import near_to
+from lmoc.numerics.events.discrete_state import DiscreteState, differ
+from lmoc.numerics.events.happened import Happened, NotAState, Unsettled
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import moving_relations
 from lmoc.numerics.events.trials import leave_fold

@@ -17,7 +17,7 @@ import numpy as np
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span as SourceSpan
-from lmoc.numerics.events.discrete_state import located
+from lmoc.numerics.events.closeness import located
 from lmoc.numerics.events.event_handler import EventHandler, HandlerMemory, Starter
 from lmoc.numerics.events.stepping import Stepping
 from lmoc.numerics.laws.switching import LawSwitching
@@ -33,12 +33,10 @@ from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.change import RunState
-    from lmoc.numerics.coordinates.passage import Passage
     from lmoc.numerics.laws.time_stepping import TimeStepping
     from lmoc.numerics.problem.system import System
 
 _MOMENT = 1e-10  # share of the run within which laws that change without end are chattering
-_LOOKS = 32  # places on a passage; even, so that none is the singular one in its middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,23 +295,6 @@ class HybridDynamics:
         self._signs = None if self._roots is None else self._roots.signs.copy()
         return self._roots
 
-    def happen_on(self, passage: Passage, unknowns: np.ndarray) -> bool:
-        """Return whether something happens on a passage over a singular position, or next to either end.
-
-        Parameters
-        ----------
-        unknowns : registers of what `Passage.solutions` are
-        """
-        times = np.linspace(passage.times[0], passage.times[-1], _LOOKS)
-        states, solutions = passage.at(times)
-        happened = bool(times[-1] >= self.until)
-        for t, x, solution in zip(times.tolist(), states, solutions, strict=True):
-            self.stand_at(unknowns, solution)
-            roots = None if happened else self.roots(t, x)
-            happened = happened or (roots is not None and _crossed(roots, t, x))
-        self.stand_at(unknowns, passage.solutions[0])
-        return happened
-
     def _note_undecided(self, t: float, names: list[str]) -> None:
         """Say, once a run, that the law of impacts has decided between several answers."""
         who = _listed(list(dict.fromkeys(names)))
@@ -481,9 +462,3 @@ class HybridDynamics:
 def _listed(names: list[str]) -> str:
     shown = names[:4]
     return ", ".join(f"'{name}'" for name in shown) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
-
-
-def _crossed(roots: Roots, t: float, x: np.ndarray) -> bool:
-    """Return whether a root function has another sign than where the segment began, or no value."""
-    value = roots.values(np.array([t]), x[None])[0]
-    return bool((value * roots.signs < 0).any() or np.isnan(value).any())

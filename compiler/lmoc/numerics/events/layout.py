@@ -235,3 +235,14 @@ class EventLayout:
         """The relation that a zero function belongs to."""
         row = int(self.relation_of_zero[zero])
         return self.events.relations[int(np.searchsorted(self.first, row, "right")) - 1]
+
+
+def initial_values(flat: FlatDAE, values: np.ndarray) -> np.ndarray:
+    """Return the values (flat.count,) of parameters with those that discrete variables begin with."""
+    found, discrete = values.copy(), flat.events.discrete
+    found[discrete] = 0.0
+    for a in flat.starts:
+        own = np.isin(a.target, discrete)
+        if own.any():
+            found[a.target[own]] = a.values(values)[own]
+    return found

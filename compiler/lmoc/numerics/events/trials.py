@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
+from lmoc.engine.instant import Instant
 from lmoc.numerics.events.layout import EventLayout
 
 _NOISES = 4.0  # times the bound for its rounding, within which a function is zero
@@ -17,6 +17,7 @@ _FEW = 3  # relations that are changed at once among all
 class Discrete(Protocol):
     """What is tried on: `discrete_state.DiscreteState`."""
 
+    instant: Instant
     layout: EventLayout
     v: np.ndarray
     zero: np.ndarray
@@ -27,16 +28,6 @@ class Discrete(Protocol):
     def look(self, t: float, x: np.ndarray) -> None: ...
     def registers(self, t: float, x: np.ndarray) -> np.ndarray: ...
     def rounding(self, t: float, x: np.ndarray) -> np.ndarray: ...
-    def read_by(self, changed: np.ndarray) -> np.ndarray: ...
-    def begun(self) -> np.ndarray: ...
-    def tried(
-        self,
-        x: np.ndarray,
-        begun: np.ndarray,
-        zeros: np.ndarray,
-        most: tuple[int, int],
-        suits: Callable[[float, np.ndarray], bool],
-    ) -> bool: ...
 
 
 def prefer_regular(discrete: Discrete, t: float, x: np.ndarray) -> bool:
@@ -54,12 +45,12 @@ def prefer_regular(discrete: Discrete, t: float, x: np.ndarray) -> bool:
     found, zero = discrete.v.copy(), discrete.zero.copy()
     changed = np.zeros(len(layout.events.discrete), bool)
     changed[unclear] = True
-    zeros = discrete.read_by(changed)
+    zeros = discrete.instant.read_by(changed)
     own = layout.switching.shared(discrete.registers(t, x), t)[layout.plan.count + zeros]
     over = _asked(discrete, zeros, own) != (found[layout.zero_target[zeros]] > 0)
     order = np.lexsort((np.where(over, -np.abs(own), np.abs(own)), ~over))
-    if discrete.tried(
-        x, discrete.begun(), zeros[order], (_FEW, _TRIALS), lambda now, at: _is_regular(discrete, now, at)
+    if discrete.instant.tried(
+        x, discrete.instant.begun(), zeros[order], (_FEW, _TRIALS), lambda now, at: _is_regular(discrete, now, at)
     ):
         return True
     layout.switching.tried.add(key)
@@ -82,7 +73,7 @@ def leave_fold(discrete: Discrete, t: float, x: np.ndarray, returning: np.ndarra
     zeros = discrete.layout.solved_with(returning[~discrete.layout.rounded[returning]])
     begun = discrete.v.copy()
     most = len(zeros), _TRIALS
-    if len(zeros) and discrete.tried(
+    if len(zeros) and discrete.instant.tried(
         x, begun[discrete.layout.events.discrete], zeros, most, lambda now, at: _is_clear(discrete, now, at, zeros)
     ):
         return True

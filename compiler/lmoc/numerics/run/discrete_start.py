@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lmoc.ir.flat import Kind
-from lmoc.numerics.events.discrete_state import initial_values
+from lmoc.numerics.events.layout import initial_values
 from lmoc.numerics.events.occasion import Occasion
 from lmoc.numerics.observe.trajectory import Trajectory
 from lmoc.numerics.run.sensitivities import STEP, Direction, slopes

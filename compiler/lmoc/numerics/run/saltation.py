@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lmoc.messages.diagnostics import ModelError
-from lmoc.numerics.events.discrete_state import located, near_to
+from lmoc.numerics.events.closeness import located, near_to
 from lmoc.numerics.events.occasion import Behind, Occasion, behind
 from lmoc.numerics.observe.slices import slice_of
 from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -221,12 +221,13 @@ class _Run:
     def _start_of_events(self, states: Callable[[np.ndarray], np.ndarray], initial: object) -> np.ndarray:
         """Return the states at the start of a run with events, after what happens there."""
         from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
+        from lmoc.numerics.events.on_passages import happen_on
 
         task, segment = self.task, self.segment
         span = task.span.start, task.span.end
         self.dynamics = HybridDynamics(segment.plan, task.values, segment.base, task.signals, span, self.report)
         self.monitors.add(self.dynamics)
-        self.changes.happens = self.dynamics.happen_on
+        self.changes.happens = partial(happen_on, self.dynamics)
         self.flood = Flood(task.span.end, self.dynamics.places, self.report, task.progress)
 
         def begun(base: np.ndarray) -> np.ndarray:

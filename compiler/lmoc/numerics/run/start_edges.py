@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from lmoc.messages.diagnostics import ModelError
-from lmoc.numerics.events.discrete_state import near_to
+from lmoc.numerics.events.closeness import near_to
 from lmoc.numerics.events.occasion import START, Occasion
 from lmoc.numerics.problem.status import Stopped
 from lmoc.numerics.run.sensitivities import Direction, Tangent, refused
