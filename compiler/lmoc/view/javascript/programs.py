@@ -100,23 +100,38 @@ def packed_programs(
         p.tape(tape, own)
     p.integer(events is not None)
     if events is not None:
-        p.each(int(np.asarray(numbers[name])) for name in ("look", "assign", "lines", "jumps"))
-        p.each(events.single)
-        own = events.steps, events.moving, events.zeros, events.seen
-        for table in (*own, *(events.columns[name] for name in TABLES)):
-            p.integers(table)
+        _pack_events(p, events, numbers)
     p.integer(laws is not None)
     if laws is not None:
-        p.each((*derived, int(np.asarray(numbers["lawRoots"])), *laws.single))
-        for table in laws.tables:
-            p.integers(table)
-        for number, entries in zip(derived, laws.entries, strict=True):
-            p.integers(tapes[number].results)
-            p.integers(entries)
+        p.each((*derived, _one(numbers, "lawRoots"), *laws.single))
+        _pack_laws(p, laws, [tapes[number].results for number in derived])
     p.integer(watch is not None)
     if watch is not None:
-        _pack_watch(p, watch, int(np.asarray(numbers["constraints"])))
+        _pack_watch(p, watch, _one(numbers, "constraints"))
     return p.finish(), numbers
+
+
+def _one(numbers: Numbers, name: str) -> int:
+    """Return the number of a program that is one alone."""
+    return int(np.asarray(numbers[name]))
+
+
+def _pack_events(p: Packer, events: InstantTables, numbers: Numbers) -> None:
+    """What happens at instants, as `lmoc_page_read_events` reads it."""
+    p.each(_one(numbers, name) for name in ("look", "assign", "lines", "jumps"))
+    p.each(events.single)
+    own = events.steps, events.moving, events.zeros, events.seen
+    for table in (*own, *(events.columns[name] for name in TABLES)):
+        p.integers(table)
+
+
+def _pack_laws(p: Packer, laws: LawTables, results: Sequence[np.ndarray]) -> None:
+    """The laws, as `lmoc_page_read_laws` reads them behind the numbers of their programs."""
+    for table in laws.tables:
+        p.integers(table)
+    for places, entries in zip(results, laws.entries, strict=True):
+        p.integers(places)
+        p.integers(entries)
 
 
 def _pack_watch(p: Packer, watch: CoordinateTables, program: int) -> None:
