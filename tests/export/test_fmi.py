@@ -401,7 +401,11 @@ def test_the_engine_is_compiled_once_for_all_scenes_and_processes(monkeypatch, t
     assert exporting._objects(compiler, 3) == made and len(made) > 20
     exporting._objects.cache_clear()
     monkeypatch.setenv("LMOC_CACHE", str(tmp_path))
-    assert exporting._objects(compiler, 3) == {}, "an empty cache"
+    asked: list[set[str]] = []
+    monkeypatch.setattr(exporting, "_compiled", lambda _, sources: asked.append(set(sources)) or {})
+    assert exporting._objects(compiler, 3) == exporting._objects(compiler, 2) == {}, "an empty cache"
+    files = [sorted(name for name in sources if name.endswith(".c")) for sources in asked]
+    assert files[1:] == [["fmi3.c"], ["fmi2.c"]] and len(files[0]) > 20, "what all versions share is compiled once"
     exporting._objects.cache_clear()
     monkeypatch.setattr(exporting, "_compiled", lambda *_: {"a.o": b""})
     monkeypatch.setattr(exporting, "_version", lambda _: "another compiler of the same name")
