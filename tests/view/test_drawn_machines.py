@@ -151,3 +151,22 @@ def test_a_rope_ends_on_the_side_of_its_drum_where_it_comes_up():
         "connect(rope.axle, load.flange);",
     )
     assert not [i for i in found.items if i.symbol == "continuation"]
+
+
+@pytest.mark.parametrize("ends", ["ab", "ba"])
+@pytest.mark.parametrize("g", [-9.81, 9.81, 0])
+def test_what_hangs_on_the_rope_of_a_drum_goes_as_the_rope_does_whichever_way_it_is_written(ends, g):
+    first, last = ends
+    items = lmoc.compile_text(f"""model M
+  Inertia disk(J = 1); Drum drum(r = 0.3); Spring rope(k = 40000); Mass load(m = 2, g = {g});
+equation
+  connect(disk.shaft, drum.shaft); connect(drum.flange, rope.{first}); connect(rope.{last}, load.flange);
+end M;
+""").draw().picture.items
+    ways = {(m.dx, m.dy) for i in items if i.symbol in ("string", "spring", "mass") for e in i.ends for m in e.moves}
+    assert ways == {(0, 1 if g > 0 else -1)}
+    spring, load = (next(i for i in items if i.symbol == symbol) for symbol in ("spring", "mass"))
+    top, bottom = sorted(end.y for end in spring.ends)
+    assert top < bottom < load.ends[0].y
+    written = (ends == "ab") == (g > 0)  # a tension is positive where b is along +q
+    assert spring.variables == {"force" if written else "push": "rope.f"}

@@ -25,7 +25,7 @@ class Layout:
     items, labels : what has been drawn; labels are painted over the items
     """
 
-    def __init__(self, strip: Strip, style: Style, direction: Direction) -> None:
+    def __init__(self, strip: Strip, style: Style, direction: Direction, backwards: bool = False) -> None:
         self.strip, self.style, self.direction = strip, style, direction
         self.names = style.names
         self.upright = direction[0] == 0
@@ -39,7 +39,8 @@ class Layout:
         self.half = {n: self._half(n) for n in strip.nodes}
         segments = [RowSegment(a, b, self._length(e, kind)) for e, a, b, kind in self.parts]
         segments += [RowSegment(a, b, 60.0) for _, a, b in strip.frames if not self._linked(a, b)]
-        self.rows: Rows = lay_out(strip.nodes, self.half, segments)
+        rows = lay_out(strip.nodes, self.half, segments)
+        self.rows: Rows = rows.backwards() if backwards else rows
         self.pitch = self._pitch()
 
     def _linked(self, a: int, b: int) -> bool:
@@ -154,5 +155,5 @@ class Layout:
         return self.half[node] if self.strip.bodies(node) else 0.0
 
     def leaves(self, node: int) -> bool:
-        """Return whether an element begins at a node."""
-        return any(a == node for _, a, _, _ in self.parts)
+        """Return whether an element begins at a node and goes on along +q."""
+        return any((b if k in self.rows.turned else a) == node for k, (_, a, b, _) in enumerate(self.parts))

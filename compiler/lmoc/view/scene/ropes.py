@@ -118,11 +118,10 @@ class Hanging:
         return bool(strip.links or any(strip.on[n] for n in strip.nodes))
 
     def _hanging(self, strip: Strip, node: int) -> DrawnStrip:
-        gravity = self.weights(strip)
-        flat = draw_strip(strip, self.style, RIGHT)
-        if gravity and (len(strip.nodes) == 1 or (flat.is_first(node) if gravity > 0 else flat.is_last(node))):
-            return draw_strip(strip, self.style, DOWN if gravity > 0 else UP)
-        return draw_strip(strip, self.style, DOWN if flat.is_first(node) and not flat.is_last(node) else UP)
+        flat, direction = draw_strip(strip, self.style, RIGHT), self.direction(node)
+        ends = flat.is_first(node), flat.is_last(node)
+        above, below = ends if direction == DOWN else ends[::-1]
+        return draw_strip(strip, self.style, direction, below and not above)
 
     def beside(self, node: int, gap: float) -> Block | None:
         """Return a strip that lies on the left of a point and ends in it; None where it should hang."""

@@ -9,6 +9,7 @@ people draw them; planar graphs have such rows.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import combinations, permutations
 
@@ -54,6 +55,11 @@ class Rows:
     turned: frozenset[int]
     conflicts: int
     crossing: tuple[int, ...] = ()
+
+    def backwards(self) -> Rows:
+        """Return the layout in which everything runs the other way."""
+        along = {node: -place for node, place in self.along.items()}
+        return replace(self, along=along, turned=frozenset(range(len(self.row))) - self.turned)
 
 
 def lay_out(nodes: Sequence[int], half: Mapping[int, float], segments: Sequence[RowSegment]) -> Rows:

@@ -18,24 +18,27 @@ from lmoc.view.scene.strip import BODIES, HELD, PUSHED, RIGHT, Direction, DrawnS
 MOST_BROKEN = 6  # rounds in which links are broken off that cannot be drawn without a crossing
 
 
-def draw_strip(strip: Strip, style: Style, direction: Direction = RIGHT) -> DrawnStrip:
+def draw_strip(
+    strip: Strip, style: Style, direction: Direction = RIGHT, backwards: bool = False
+) -> DrawnStrip:
     """Return a strip, drawn.
 
     Parameters
     ----------
     direction : of +q in the picture
+    backwards : elements run against +q, from their ports `b` to `a`
     """
     loops = [link for link in strip.links if link[1] == link[2]]  # both ends at one place
     strip = strip.broken(loops) if loops else strip
-    layout = Layout(strip, style, direction)
+    layout = Layout(strip, style, direction, backwards)
     if layout.rows.conflicts:  # a wall that everything leads to may be what is in the way
-        apart = Layout(strip.apart(), style, direction)
+        apart = Layout(strip.apart(), style, direction, backwards)
         layout = apart if apart.rows.conflicts < layout.rows.conflicts else layout
     for _ in range(MOST_BROKEN):
         if not layout.rows.conflicts:
             break
         links = [layout.parts[k][:3] for k in layout.rows.crossing if k < len(layout.parts)]
-        layout = Layout(layout.strip.broken(links), style, direction)
+        layout = Layout(layout.strip.broken(links), style, direction, backwards)
     for k, (element, a, b, kind) in enumerate(layout.parts):
         _element(layout, k, element, a, b, kind)
     for node in layout.strip.nodes:
@@ -67,7 +70,7 @@ def _element(layout: Layout, k: int, element: Element, a: int, b: int, kind: str
     flow = "tau" if layout.strip.shaft else "f"
     known = layout.names.graph.variable(element, flow) is not None
     made = between(element, kind, first, second, layout.strip.shaft, layout.names)
-    variables = {"force": f"{element.name}.{flow}"} if known else {}
+    variables = {"force" if sign > 0 else "push": f"{element.name}.{flow}"} if known else {}
     if made.symbol in ("string", "elastic-string"):
         variables |= layout.names.slack(element.name)
     met = layout.strip.meets(a), layout.strip.meets(b)

@@ -39,7 +39,7 @@ export class Forces {
   /** Show forces that have the values of `all`, null for none. One that is larger than any before changes the scale. */
   draw(values, stage, motion, places) {
     let next = 0;
-    const forces = this.on && values !== null ? [...this.names].map(([item, { length }]) => [item, values.slice(next, (next += length))]) : [];
+    const forces = this.on && values !== null ? [...this.names].map(([item, { length }]) => [item, [...values.slice(next, (next += length))].map((f) => (item.variables.push ? -f : f))]) : [];
     for (const [, force] of forces) this.largest = Math.max(this.largest, Math.hypot(...force) || 0);
     putText($("scale"), forces.length && this.largest > 0 ? `(longest ${format(this.largest)} N)` : "");
     stage.showForces(motion, places, new Map(forces), this.largest || 1);
@@ -47,7 +47,8 @@ export class Forces {
 }
 
 /** The variables of the force of an item: one between its two ends or along the way of its only one, or two in the plane. */
-function forceNames({ ends, symbol, variables: { force, fx, fy } }, unitOf) {
+function forceNames({ ends, symbol, variables: { force = "", push = "", fx, fy } }, unitOf) {
   if (fx && fy) return [fx, fy];
+  if (unitOf(push) === "N" && ends.length === 2) return [push];
   return unitOf(force) === "N" && (ends.length === 2 || (symbol === "force" && ends[0].moves.length > 0)) ? [force] : [];
 }
