@@ -74,6 +74,25 @@ def test_other_values_on_the_same_pivots(seed):
     assert np.abs(other @ x - b).max() <= 1e-10 * (np.abs(other) @ np.abs(x) + np.abs(b)).max()
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_listed_operations_have_the_bits_of_loops_over_columns(seed):
+    """Beside a large full matrix, which nothing ties to it, the same matrix is factorized without a list."""
+    rng = np.random.default_rng(seed)
+    n, full = int(rng.integers(2, 80)), 130
+    matrix, b = random_matrix(rng, n), rng.standard_normal(n)
+    both = np.zeros((n + full, n + full))
+    both[:n, :n], both[n:, n:] = matrix, rng.standard_normal((full, full)) + 20 * np.eye(full)
+    alone, beside = Factors(matrix != 0), Factors(both != 0)
+    if alone.factor(matrix)[0] != GOOD:
+        return
+    assert beside.factor(both)[0] == GOOD
+    assert (alone.solve(b) == beside.solve(np.concatenate([b, np.ones(full)]))[:n]).all()
+    other = 1 + 0.01 * rng.standard_normal((n, n))
+    both[:n, :n] *= other
+    assert alone.factor(matrix * other, "refactor")[0] == beside.factor(both, "refactor")[0]
+    assert (alone.solve(b) == beside.solve(np.concatenate([b, np.ones(full)]))[:n]).all()
+
+
 def test_a_pivot_that_vanishes_is_reselected():
     matrix = np.array([[2.0, 1.0], [1.0, 3.0]])
     factors = Factors(np.ones((2, 2), bool))

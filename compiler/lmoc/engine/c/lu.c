@@ -25,11 +25,11 @@ lmoc_lu *lmoc_lu_new(int64_t n, const int32_t *start, const int32_t *rows) {
   f->l_start = calloc(n + 1, sizeof(int32_t));
   f->row = calloc(n + 1, sizeof(int32_t));
   f->column = calloc(n + 1, sizeof(int32_t));
-  f->d = calloc(n + 1, sizeof(double));
+  f->u = f->l = f->d = calloc(n + 1, sizeof(double));
   f->x = calloc(2*n + 1, sizeof(double));
   f->chosen = calloc(entries + 1, sizeof(double));
   if (!copied || !f->a_start || !f->a_place || !f->a_source || !f->u_start || !f->l_start || !f->row || !f->column ||
-      !f->d || !f->x || !f->chosen) {
+      !f->u || !f->x || !f->chosen) {
     lmoc_lu_free(f);
     return 0;
   }
@@ -41,14 +41,42 @@ lmoc_lu *lmoc_lu_new(int64_t n, const int32_t *start, const int32_t *rows) {
 void lmoc_lu_free(lmoc_lu *f) {
   if (!f) return;
   void *owned[] = {(void *)f->start, f->a_start, f->a_place, f->a_source, f->u_start, f->u_place, f->l_start,
-                   f->l_place, f->row, f->column, f->u, f->l, f->d, f->x, f->chosen};
+                   f->l_place, f->l_column, f->slot, f->row, f->column, f->u, f->x, f->chosen};
   for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
   free(f);
 }
 
 void lmoc_lu_forget(lmoc_lu *f) { f->ready = 0; }
 
+/* Column k ends: its entries of L are divided by the pivot; whether that is large enough beside them. */
+static inline int finish(const lmoc_lu *f, int64_t k) {
+  const double d = f->d[k];
+  double largest = fabs(d);
+  for (int32_t g = f->l_start[k]; g < f->l_start[k + 1]; g++) {
+    const double own = f->l[g];
+    if (!(fabs(own) <= largest)) largest = fabs(own); /* a NaN stays */
+    f->l[g] = own / d;
+  }
+  return fabs(d) >= WEAK * largest && d != 0;
+}
+
+/* The same operations in the same order from a list: of short columns, loops over each would mostly be begun and ended. */
+static int by_list(const lmoc_lu *f, const double *values, double *determinant) {
+  double *v = f->u, product = 1;
+  const int32_t *o = f->operations;
+  memset(v, 0, (size_t)(f->u_start[f->n] + f->l_start[f->n] + f->n) * sizeof(double));
+  for (int32_t e = 0; e < f->a_start[f->n]; e++) v[f->slot[e]] += values[f->a_source[e]];
+  for (int64_t k = 0; k < f->n; k++) {
+    for (const int32_t *end = f->operations + f->end[k]; o < end; o += 3) v[o[0]] -= v[o[1]] * v[o[2]];
+    if (!finish(f, k)) return LMOC_LU_SINGULAR;
+    product *= f->d[k];
+  }
+  *determinant = product;
+  return LMOC_LU_GOOD;
+}
+
 int lmoc_lu_refactor(const lmoc_lu *f, const double *values, double *determinant) {
+  if (f->slot) return by_list(f, values, determinant);
   double *x = f->x, product = 1;
   for (int64_t k = 0; k < f->n; k++) {
     for (int32_t e = f->a_start[k]; e < f->a_start[k + 1]; e++) x[f->a_place[e]] += values[f->a_source[e]];
@@ -60,21 +88,17 @@ int lmoc_lu_refactor(const lmoc_lu *f, const double *values, double *determinant
       if (y != 0)
         for (int32_t g = f->l_start[j]; g < f->l_start[j + 1]; g++) x[f->l_place[g]] -= f->l[g] * y;
     }
-    const double d = x[k];
-    double largest = fabs(d);
+    f->d[k] = x[k];
     x[k] = 0;
     for (int32_t g = f->l_start[k]; g < f->l_start[k + 1]; g++) {
-      const double own = x[f->l_place[g]];
-      if (!(fabs(own) <= largest)) largest = fabs(own); /* a NaN stays */
-      f->l[g] = own / d;
+      f->l[g] = x[f->l_place[g]];
       x[f->l_place[g]] = 0;
     }
-    f->d[k] = d;
-    product *= d;
-    if (!(fabs(d) >= WEAK * largest) || d == 0) {
+    if (!finish(f, k)) {
       memset(f->x, 0, f->n * sizeof(double));
       return LMOC_LU_SINGULAR;
     }
+    product *= f->d[k];
   }
   *determinant = product;
   return LMOC_LU_GOOD;
@@ -92,10 +116,9 @@ int lmoc_lu_factor(lmoc_lu *f, const double *values, double *determinant) {
 void lmoc_lu_solve(const lmoc_lu *f, double *b) {
   double *y = f->x + f->n;
   for (int64_t k = 0; k < f->n; k++) y[k] = b[f->row[k]];
-  for (int64_t k = 0; k < f->n; k++) {
-    const double v = y[k];
-    if (v != 0)
-      for (int32_t g = f->l_start[k]; g < f->l_start[k + 1]; g++) y[f->l_place[g]] -= f->l[g] * v;
+  for (int32_t g = 0; g < f->l_start[f->n]; g++) {
+    const double v = y[f->l_column[g]];
+    if (v != 0) y[f->l_place[g]] -= f->l[g] * v;
   }
   for (int64_t k = f->n - 1; k >= 0; k--) {
     const double v = y[k] / f->d[k];

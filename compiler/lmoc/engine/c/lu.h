@@ -7,12 +7,16 @@
 
 /* The matrix is given by columns (`start`, `rows`); everything else is by columns in the order of the pivots:
    its entries by `a_place` (the pivot in whose row they stand) and `a_source` (where they are among the values),
-   U above and L below the diagonal, and the diagonal `d`. `x` is work, zero between two calls; `chosen` are the values
-   for which the order has been chosen: it comes back with them. */
+   U above and L below the diagonal, and the diagonal `d`: one after the other in one array, which begins with `u`. `x` is
+   work, zero between two calls; `chosen` are the values for which the order has been chosen: it comes back with them.
+
+   Where columns are short all operations are listed as well: `slot` says where in that array an entry of the matrix
+   belongs, and each operation is three places in it, `v[to] -= v[left]*v[right]`; those up to column k end at `end[k]`. */
 typedef struct lmoc_lu {
   int64_t n, ready;
   const int32_t *start, *rows;
-  int32_t *a_start, *a_place, *a_source, *u_start, *u_place, *l_start, *l_place, *row, *column;
+  int32_t *a_start, *a_place, *a_source, *u_start, *u_place, *l_start, *l_place, *l_column, *row, *column;
+  int32_t *slot, *end, *operations; /* `slot` owns all three; 0 where nothing is listed */
   double *u, *l, *d, *x, *chosen;
 } lmoc_lu;
 

@@ -17,6 +17,7 @@
    row or column with an entry everywhere (an arrowhead) costs no more than others. */
 typedef struct { int32_t count, room, *index, *table, mask; double *value; } list;
 
+#define MANY 16 /* operations for each entry of the factors, from which they are not listed */
 #define LONG 32 /* entries from which there is a table */
 
 typedef struct { int32_t length, column; } entry; /* of the heap: a column and its length when it was put there */
@@ -255,6 +256,41 @@ static void *more(void *old, int64_t count, size_t each, int *good) {
   return found ? found : old;
 }
 
+/* List the operations of a factorization in their order, unless they are many beside the entries of the factors: long
+   columns cost less as they are than by a list, which would have to be read from memory. */
+static int list_operations(lmoc_lu *f) {
+  const int64_t n = f->n, upper = f->u_start[n], lower = f->l_start[n], entries = f->a_start[n];
+  int64_t count = 0;
+  for (int64_t e = 0; e < upper; e++) count += f->l_start[f->u_place[e] + 1] - f->l_start[f->u_place[e]];
+  free(f->slot);
+  f->slot = 0;
+  if (count > MANY * (upper + lower + n)) return LMOC_LU_GOOD;
+  int32_t *place = calloc(n + 1, sizeof(int32_t)); /* of the rows of one column in the array of factors */
+  f->slot = malloc((size_t)(entries + n + 3*count + 1) * sizeof(int32_t));
+  if (!place || !f->slot) {
+    free(place);
+    return LMOC_LU_NO_MEMORY;
+  }
+  f->end = f->slot + entries;
+  f->operations = f->end + n;
+  int32_t *o = f->operations;
+  for (int32_t k = 0; k < n; k++) {
+    for (int32_t e = f->u_start[k]; e < f->u_start[k + 1]; e++) place[f->u_place[e]] = e;
+    for (int32_t g = f->l_start[k]; g < f->l_start[k + 1]; g++) place[f->l_place[g]] = (int32_t)upper + g;
+    place[k] = (int32_t)(upper + lower) + k;
+    for (int32_t e = f->a_start[k]; e < f->a_start[k + 1]; e++) f->slot[e] = place[f->a_place[e]];
+    for (int32_t e = f->u_start[k]; e < f->u_start[k + 1]; e++)
+      for (int32_t g = f->l_start[f->u_place[e]]; g < f->l_start[f->u_place[e] + 1]; g++) {
+        *o++ = place[f->l_place[g]];
+        *o++ = (int32_t)upper + g;
+        *o++ = e;
+      }
+    f->end[k] = (int32_t)(o - f->operations);
+  }
+  free(place);
+  return LMOC_LU_GOOD;
+}
+
 /* The tables of `lmoc_lu` from the pivots. */
 static int lay_out(lmoc_lu *f, const elimination *e) {
   const int64_t n = f->n;
@@ -263,8 +299,10 @@ static int lay_out(lmoc_lu *f, const elimination *e) {
   int good = 1;
   f->u_place = more(f->u_place, upper, sizeof(int32_t), &good);
   f->l_place = more(f->l_place, lower, sizeof(int32_t), &good);
-  f->u = more(f->u, upper, sizeof(double), &good);
-  f->l = more(f->l, lower, sizeof(double), &good);
+  f->l_column = more(f->l_column, lower, sizeof(int32_t), &good);
+  f->u = more(f->u, upper + lower + n, sizeof(double), &good);
+  f->l = f->u ? f->u + upper : 0;
+  f->d = f->l ? f->l + lower : 0;
   int32_t *row_place = malloc((2*n + 1) * sizeof(int32_t)), *column_place = row_place ? row_place + n : 0;
   if (!good || !row_place) { free(row_place); return LMOC_LU_NO_MEMORY; }
   for (int32_t k = 0; k < n; k++) { row_place[f->row[k]] = k; column_place[f->column[k]] = k; }
@@ -276,7 +314,10 @@ static int lay_out(lmoc_lu *f, const elimination *e) {
       f->a_place[a] = row_place[f->rows[s]];
       f->a_source[a] = s;
     }
-    for (int32_t b = 0; b < e->below[k].count; b++) f->l_place[l++] = row_place[e->below[k].index[b]];
+    for (int32_t b = 0; b < e->below[k].count; b++) {
+      f->l_column[l] = (int32_t)k;
+      f->l_place[l++] = row_place[e->below[k].index[b]];
+    }
     for (int32_t c = 0; c < e->right[k].count; c++) f->u_start[column_place[e->right[k].index[c]] + 1]++;
     f->a_start[k + 1] = (int32_t)a;
     f->l_start[k + 1] = (int32_t)l;
@@ -288,7 +329,7 @@ static int lay_out(lmoc_lu *f, const elimination *e) {
   if (n) f->u_start[0] = 0;
   free(row_place);
   memset(f->x, 0, 2*n * sizeof(double));
-  return LMOC_LU_GOOD;
+  return list_operations(f);
 }
 
 int lmoc_lu_choose(lmoc_lu *f, const double *values) {
