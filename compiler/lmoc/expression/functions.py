@@ -354,7 +354,6 @@ FUNCTIONS: dict[str, Function] = {entry.name: entry for entry in _ENTRIES}
 
 UNARY = frozenset(f.name for f in _ENTRIES if f.arity == 1)
 BINARY = frozenset(f.name for f in _ENTRIES if f.arity == 2)
-TERNARY = frozenset(f.name for f in _ENTRIES if f.arity == 3)
 RELATIONS = frozenset("lt le gt ge eq ne".split())
 LOGICAL = frozenset(f.name for f in _ENTRIES if f.kind is Kind.LOGICAL)
 SMOOTH = tuple(f.name for f in _ENTRIES if f.kind is Kind.SMOOTH and f.arity == 1)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from lmoc.expression.functions import FUNCTIONS
-
 UNARY = tuple(
     "move neg sqrt sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log log10 abs sign floor ceil "
     "integer not".split()
@@ -29,4 +27,3 @@ LENGTH_OF_ROWS = (
     | dict.fromkeys(BINARY, 7)
     | {"if": 9, "gather": 4, "strided": 5, "scatter": 4, "spread": 5}
 )
-ARITY = {name: f.arity for name, f in FUNCTIONS.items()} | {"move": 1}

@@ -9,7 +9,6 @@ ULP = 2.0**-52  # relative distance of neighbouring numbers
 HALF_ULP = 2.0**-53  # relative rounding of one operation
 LOCATED = 1e-14  # s, or this share of the time: so exactly are instants located (`tests/numerics/test_limits.py`)
 INFINITE = 1e7  # m; lengths beyond stand for none
-NO_ENTRY = 1e-12  # entries below this share of the others in their row are what rounding has left of zeros
 AGREE = 1e-11  # relative difference of two ways of a Runge–Kutta method, of which the second has twice as many steps
 
 # ------------------------------------------------------------------ tolerances and steps

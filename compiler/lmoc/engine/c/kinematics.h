@@ -56,10 +56,6 @@ int lmoc_contact_at(const lmoc_kinematics *k, double time, const double *x, lmoc
 int lmoc_project(const lmoc_kinematics *k, const lmoc_flag *gaps, const lmoc_flag *rates, lmoc_contact *now,
                  lmoc_contact *spare, lmoc_flag *laws);
 
-/* The states alone, from others. */
-int lmoc_projected(const lmoc_kinematics *k, double time, const double *x, const lmoc_flag *gaps, const lmoc_flag *rates,
-                   double *moved, lmoc_flag *laws);
-
 /* By what gaps, or rates, may have drifted that have such derivatives by the states, (count, states), with such `errors`
    in a step. */
 void lmoc_drift(int64_t count, int64_t states, const double *slope, const double *errors, double *out);

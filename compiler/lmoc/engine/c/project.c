@@ -133,18 +133,3 @@ int lmoc_project(const lmoc_kinematics *k, const lmoc_flag *gaps, const lmoc_fla
   free(row);
   return found;
 }
-
-int lmoc_projected(const lmoc_kinematics *k, double time, const double *x, const lmoc_flag *gaps, const lmoc_flag *rates,
-                   double *moved, lmoc_flag *laws) {
-  const int64_t n = k->laws.count, size = lmoc_contact_size(n, k->states);
-  double *memory = malloc((size_t)(2*size + 1) * sizeof(double));
-  lmoc_contact now, spare;
-  if (!memory) return LMOC_NO_MEMORY;
-  lmoc_contact_place(n, k->states, memory, &now);
-  lmoc_contact_place(n, k->states, memory + size, &spare);
-  int found = lmoc_contact_at(k, time, x, &now);
-  if (!found) found = lmoc_project(k, gaps, rates, &now, &spare, laws);
-  if (!found) memcpy(moved, now.x, (size_t)k->states * sizeof(double));
-  free(memory);
-  return found;
-}

@@ -202,11 +202,6 @@ int fmu_set(fmu *f, uint32_t reference, double value) {
   return FMU_GOOD;
 }
 
-int fmu_state_of(const fmu *f, uint32_t reference) {
-  const int64_t row = (int64_t)reference - 1;
-  return reference && row < f->model->variables && f->model->kind[row] == FMU_STATE ? f->model->place[row] : -1;
-}
-
 int fmu_derivatives(fmu *f, double *out) {
   const int found = fmu_evaluate(f);
   double check = 0;

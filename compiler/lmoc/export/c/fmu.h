@@ -202,7 +202,6 @@ void fmu_reset(fmu *f);
 
 int fmu_get(fmu *f, uint32_t reference, double *value);
 int fmu_set(fmu *f, uint32_t reference, double value);
-int fmu_state_of(const fmu *f, uint32_t reference);  /* which state; -1: none */
 
 int fmu_derivatives(fmu *f, double *out);
 int fmu_states(fmu *f, double *out);

@@ -10,8 +10,6 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import Signal
 
-COMPILED_ROWS = 2500  # programs with more rows are worth a call of the C compiler
-
 
 def make_system(plan: Plan, signals: Mapping[int, Signal] | None = None) -> System:
     """Return what evaluates a plan.

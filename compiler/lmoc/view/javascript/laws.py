@@ -58,7 +58,6 @@ def write_laws(
     read = np.concatenate([motion, rate, plan.reduced.register_of[form.force], stick])
     data: dict[str, Any] = {
         "gap": gap.tolist(),
-        "ledger": plan.ledger.tolist(),
         "names": [name for name, _ in rows],
         "labels": law_names(flat, form.laws),
         "closing": [laws.closing for _, laws in rows],
