@@ -164,7 +164,9 @@ def _select(
         starts[key] = start
     rank = preferences.preference(system, tied, c, wanted, liked)
     choice = choose(tied, c, d, rank, preferences.wishes(system, c, wanted))
-    kept = {} if start is None else {(system.normalized.values.tobytes(), b""): start}
+    kept: dict[tuple[bytes, ...], StartPoint] = {}
+    if start is not None:
+        kept[system.normalized.values.tobytes(), b""] = start
     candidate = Candidate(system, c, d, sample, start, tied, choice, match, wanted, kept)
     if len(choice.singular):
         return candidate
