@@ -154,7 +154,8 @@ class Instant:
 
     def begun(self) -> np.ndarray:
         """Return the discrete values with which the last round of an event began, (discrete,)."""
-        return self.history[BEGUN].copy()
+        begun: np.ndarray = self.history[BEGUN]
+        return begun.copy()
 
     def tried(
         self,

@@ -132,7 +132,8 @@ def _near(system: EquationSystem, shape: tuple[int, ...]) -> np.ndarray:
     if system.normalized.near is None:
         return np.zeros(0, np.int64)
     root, order, _ = system.normalized.near
-    return (order.astype(np.int64) * shape[1] + root)[order < shape[0]]
+    places: np.ndarray = order.astype(np.int64) * shape[1] + root
+    return places[order < shape[0]]
 
 
 def _put_together(part: ConstraintRows, weight: np.ndarray, wanted: _Wanted) -> Assemblies | None:
