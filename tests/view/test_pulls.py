@@ -13,10 +13,12 @@ from oracles.pulls import pulled_everywhere
 from scipy.integrate import solve_ivp
 
 import lmoc
+from lmoc.view.page import page
 from lmoc.view.page.contents import contents, drawn, movers
 from lmoc.view.page.hands import hands_at, run_with_hands, with_hands
 
 MODELS = Path(__file__).parents[2] / "models"
+ASSETS = Path(page.__file__).parent / "assets"
 
 LINE = """
 model M
@@ -262,3 +264,18 @@ def test_a_slider_at_the_dead_centre_of_its_crank_is_not_pulled():
     stiffness = {one.hand: one.stiffness for one in found}
     assert stiffness["piston.frame"] == stiffness["cylinder.flange"] == 0 < stiffness["arm.b"] < 1e4
     assert all(one.is_right and not one.reason for one in found)
+
+
+@needs_node
+@pytest.mark.parametrize("rounding", [0, 2e-12])
+def test_what_a_force_does_not_accelerate_gives_no_way(rounding):
+    """Andrews' mechanism starts at a dead centre: places there differ in their last bits from one call to the next, and
+    rates of 14 222 rad/s² by theirs with a force of 1 N. A hand had 7·10¹² N/m, and its run did not end."""
+    script = f"""
+import {{ compliance }} from {json.dumps((ASSETS / "compliance.js").as_uri())};
+let calls = 0, pushed = 0;
+const scene = {{ rates: (_, [, v], out) => out.set([v, 14222 + {rounding} * pushed]) }};
+const place = ([q]) => [0.02 + 7e-18 * (calls++ % 2), 0.03 + 1e-3 * (q + 0.06)];
+console.log(JSON.stringify(compliance(scene, {{ t: 0, x: [-0.06, 0] }}, 2, place, ([fx, fy]) => (pushed = fx + fy))));
+"""
+    assert run_script(script) == {"order": -1, "value": 0}

@@ -3,6 +3,7 @@
 const TO_A_SIDE = 1e-6; // of the size of the states, for differences
 const IMMEDIATE = 1e-11; // m/N: less is rounding
 const FIRST = 1e-7; // of the rates that a force changes: less is rounding
+const LAST_BITS = 1e-14; // of the rates without the force: a change of less is rounding
 
 const minus = (a, b) => a.map((v, k) => v - b[k]);
 const size = (a) => a.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
@@ -22,6 +23,7 @@ export function compliance(scene, { t, x }, count, place, push) {
     return out;
   };
   const along = (f, way) => {
+    if (size(way) === 0) return Array.from(f(x), () => 0); // places in loops differ in their last bits from call to call
     const h = (TO_A_SIDE * Math.max(1, size(x))) / (size(way) || 1);
     const [a, b] = [1, -1].map((sign) => f(x.map((v, j) => v + sign * h * way[j])));
     return minus(a, b).map((v) => v / (2 * h));
@@ -33,7 +35,8 @@ export function compliance(scene, { t, x }, count, place, push) {
   push(none);
   const far = Math.max(1, size(still.place));
   const immediate = moved.map((one) => minus(one.place, still.place));
-  const ways = moved.map((one) => minus(one.rates, still.rates));
+  const least = LAST_BITS * size(still.rates);
+  const ways = moved.map((one) => minus(one.rates, still.rates)).map((way) => (size(way) > least ? way : way.map(() => 0)));
   const accelerated = ways.map((way) => along(rates, way));
   const later = [ways, accelerated].map((all) => [all.map((way) => along(place, way)), FIRST * far * size(all.map(size))]);
   const order = [[immediate, IMMEDIATE * far], ...later].findIndex(([found, rounding]) => softest(found) > rounding);
