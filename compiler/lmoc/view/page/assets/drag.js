@@ -49,7 +49,7 @@ export class Drag {
     const found = await page.engine.ask("reach", asked).catch(({ message }) => sayHeld(`The scene does not go there: ${message}.`));
     if (!found || this.held === null) return;
     page.init = found.initial;
-    page.showHeld(found);
+    page.showHeld(found, page.player.t);
     page.starts.put(page.init, (name) => found.states[name]);
   }
 
@@ -58,7 +58,7 @@ export class Drag {
     const { pulling, page } = this;
     const found = await page.engine.ask("pull", { to: pulling.to, t });
     if (found === null || this.pulling !== pulling) return;
-    page.showHeld(found);
+    page.showHeld(found, t);
     page.stage.showHand(found.at, pulling.to);
   }
 

@@ -47,7 +47,7 @@ class Page {
     this.init = {}; // states at the start that the hand has given
     this.pulls = []; // [t, part, signals] of the hand while the scene ran
     this.serial = 0;
-    this.told = this.written = -Infinity; // when texts have been written, ms, and values of what a hand moves
+    this.told = -Infinity; // when texts have been written, ms
     this.engine = this.sliders = this.starts = this.motion = this.swing = null;
     this.accuracy = new Accuracy(data);
     this.drag = new Drag(this);
@@ -393,12 +393,12 @@ class Page {
   /** Show the instant t. */
   show(t) {
     $("time").value = String(t);
-    const stays = this.player.playing && performance.now() - this.told < READ;
-    if (!stays) this.tellTime(t);
     if (this.drag.pulling !== null) {
       this.drag.pullUntil(t);
       return;
     }
+    const stays = this.player.playing && performance.now() - this.told < READ;
+    if (!stays) this.tellTime(t);
     if (this.motion !== null) {
       const values = this.swing === null ? this.places(t) : this.swing.at(t);
       this.stage.show(this.motion, values, this.swing === null ? (this.otherPlaces?.(t) ?? null) : null);
@@ -413,15 +413,15 @@ class Page {
     return [...this.chooser.shown, ...this.forces.all];
   }
 
-  /** Show where a hand has brought the scene: `watched` are the values of what `watched()` had named. */
-  showHeld({ places, watched }) {
+  /** Show where a hand has brought the scene at the instant t: `watched` are the values of what `watched()` had named. */
+  showHeld({ places, watched }, t) {
     this.stage.show(this.motion, places);
+    const stays = performance.now() - this.told < READ;
+    if (!stays) this.tellTime(t); // with the values, which the worker has sent: a clock that ran ahead would be of others
     if (watched.length !== this.watched().length) return; // something else has been chosen meanwhile
     const count = this.chooser.shown.length;
     this.forces.draw(watched.slice(count), this.stage, this.motion, places);
-    if (performance.now() - this.written < READ) return;
-    this.written = performance.now();
-    this.values.write(watched.slice(0, count));
+    if (!stays) this.values.write(watched.slice(0, count));
   }
 
   tellTime(t) {
