@@ -172,3 +172,22 @@ def test_a_crank_that_passes_near_its_change_point_many_times():
     exact = solve_ivp(slopes, (theta[0], theta[-1]), [phi[0], 0], "DOP853", theta, rtol=1e-12, atol=1e-13).y
     assert np.abs(exact[0] - phi).max() < 1e-8 and np.abs(exact[1] - run.time).max() < 1e-7
     assert went_over(run) and len(run.coordinates) < 10 and theta[-1] > 9 * 2 * np.pi
+
+
+def test_coordinates_change_where_more_constraints_tie_rates_than_places():
+    """cos and sin of an angle as coordinates beside its rate: both rates are dependent, and one of the places."""
+    dae = compiled_text("""
+        model Turning "a pendulum that turns over, whose angle is known by its cosine and sine"
+          Real c(start = 1, fixed = true), s(start = 0), x, y, u, v;
+          Real w(start = 3, fixed = true, stateSelect = StateSelect.prefer);
+        equation
+          c^2 + s^2 = 1; w = c*der(s) - s*der(c);
+          x = c/2; y = s/2; u = der(x); v = der(y);
+          3*der(w) + c*der(v) - s*der(u) = -4*s;
+        end Turning;""")
+    run = dae.simulate(stop=5, rtol=1e-8)
+    truth = solve_ivp(
+        lambda _, z: [z[1], -4 * np.sin(z[0]) / 3.5], (0, 5), [0, 3], rtol=1e-12, atol=1e-12, t_eval=run.time
+    )
+    assert truth.y[0, -1] > 4 * np.pi
+    assert np.hypot(run["c"] - np.cos(truth.y[0]), run["s"] - np.sin(truth.y[0])).max() < 1e-7

@@ -56,7 +56,8 @@ class DiscreteStep:
 class Constraints:
     """The matrix ∂g/∂q of the constraints behind those dependent coordinates that are divided by along the motion.
 
-    Its rows with their dependent coordinates, a square matrix, and the coordinates that could take their place.
+    Its rows with their dependent coordinates, a square matrix, and the coordinates that could take their place. Where
+    fewer constraints tie positions than velocities, those have rows and columns of their own behind the others.
 
     Attributes
     ----------
@@ -68,6 +69,7 @@ class Constraints:
     watched : (rows,) dependent coordinates whose rows change along the motion; the others follow by constant pivots
     variable : (columns,) the flat variable of each coordinate
     source : (rows,) the flat equation that each row comes from
+    stage : (columns,) how often what is tied there has been integrated, from 0; rows have that of their dependents
     """
 
     program: Program
@@ -78,6 +80,7 @@ class Constraints:
     watched: np.ndarray
     variable: np.ndarray
     source: np.ndarray
+    stage: np.ndarray
 
     @property
     def rows(self) -> int:
@@ -88,6 +91,12 @@ class Constraints:
     def shape(self) -> tuple[int, int]:
         """Numbers of rows and columns."""
         return self.rows, len(self.variable)
+
+    @property
+    def keys(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return numbers for rows and for columns, the same in all choices of coordinates."""
+        stage = self.stage.astype(np.int64) << 32
+        return self.source + stage[: self.rows], self.variable + stage
 
     @property
     def place(self) -> np.ndarray:

@@ -68,8 +68,8 @@ class CoordinateWatch:
         """
         if np.array_equal(self.constraints.variable, before.constraints.variable):
             self.judge.data.limit = before.judge.data.limit
-        rows, own_rows = _common(self.constraints.source, before.constraints.source)
-        columns, own_columns = _common(self.constraints.variable, before.constraints.variable)
+        both = zip(self.constraints.keys, before.constraints.keys, strict=True)
+        (rows, own_rows), (columns, own_columns) = (_common(mine, theirs) for mine, theirs in both)
         size = self.sizes.copy()
         size[np.ix_(rows, columns)] = before.sizes[np.ix_(own_rows, own_columns)]
         if self.local is None:

@@ -15,6 +15,7 @@ from lmoc.ir.program import Apply, Step
 from lmoc.ir.reduced import Constraints
 from lmoc.structure.coordinates.closures import rows_to_watch
 from lmoc.structure.coordinates.selection import Selection
+from lmoc.structure.index.dulmage_mendelsohn import least_connected
 from lmoc.structure.linear.coefficients import is_constant
 from lmoc.structure.linear.explicit import as_formula
 
@@ -31,31 +32,76 @@ def changing_constraints(selection: Selection, first: int) -> Constraints | None
     if selection.start is None or not selection.choice.dependent:
         return None
     row, column, constant, formulas = _entries(selection)
-    rows, match = selection.choice.match[0]
-    dependent = np.full(len(selection.d), -1)
-    dependent[match] = rows  # the row that each dependent column stands for
-    kept, watched = rows_to_watch(row, column, constant, dependent, selection.system.rows)
+    rows, columns = selection.system.rows, len(selection.d)
+    entry, stage, dependent = _stages(selection, row, column)
+    row, column = row[entry] + rows * stage, column[entry] + columns * stage
+    kept, watched = rows_to_watch(row, column, constant[entry], dependent, len(dependent) // columns * rows)
     if not kept.any():
         return None
-    own = np.flatnonzero(kept[row])
     number = np.cumsum(kept) - 1
-    columns = np.full(len(selection.d), -1)
-    mine = kept[rows]
-    columns[match[mine]] = number[rows[mine]]
-    states = np.unique(column[own][columns[column[own]] < 0])
-    columns[states] = int(kept.sum()) + np.arange(len(states))
-    program, place = _program(formulas, kept, row, first)
-    order = np.argsort(columns)[-(int(kept.sum()) + len(states)) :]
+    place = np.full(len(dependent), -1)
+    mine = np.flatnonzero(dependent >= 0)
+    mine = mine[kept[dependent[mine]]]
+    place[mine] = number[dependent[mine]]
+    own = np.flatnonzero(kept[row])
+    states = np.unique(column[own][place[column[own]] < 0])
+    place[states] = len(mine) + np.arange(len(states))
+    order = np.argsort(place)[-(len(mine) + len(states)) :]
+    read = np.zeros(len(constant), bool)
+    read[entry[own]] = True
+    program, register = _program(formulas, read, first)
     return Constraints(
         program,
-        first + len(own),
+        first + int(read.sum()),
         number[row[own]],
-        columns[column[own]],
-        place[own],
+        place[column[own]],
+        register[entry[own]],
         np.flatnonzero(watched[kept]),
-        selection.system.variable[order],
-        selection.system.source[kept],
+        selection.system.variable[order % columns],
+        selection.system.source[np.flatnonzero(kept) % rows],
+        order // columns,
     )
+
+
+def _stages(
+    selection: Selection, row: np.ndarray, column: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the entries of all stages in which something is chosen, and the row that each dependent column stands for.
+
+    What is dependent in one stage is chosen from in the next one: with rates of turn for states, all four derivatives
+    of a quaternion are dependent, and three of its numbers are states. Where constraints have no more columns left than
+    they are themselves, nothing is chosen, and they stay regular as long as those of the stage before.
+
+    Returns
+    -------
+    entry, stage : (entries,) number of an entry of the first stage; the stage, from 0, of each entry
+    dependent : (stages * columns,) row + stage*rows; -1 for columns that are states, or have no place in the stage
+    """
+    rows, columns, match = selection.system.rows, len(selection.d), selection.choice.match
+    entries, dependent = [np.arange(len(row))], []
+    for stage, (own, chosen) in enumerate(match):
+        found = np.full(columns, -1)
+        if stage:
+            before, among = dependent[-1] >= 0, np.zeros(rows, bool)
+            among[own] = True
+            part = np.flatnonzero(among[row] & (selection.d > stage)[column] & before[column])
+            part = part[_open(row[part], column[part], rows, columns)]
+            entries.append(part)
+            own, chosen = own[kept := np.isin(own, row[part])], chosen[kept]
+        found[chosen] = own + stage * rows
+        dependent.append(found)
+    stages = np.repeat(np.arange(len(entries)), [len(part) for part in entries])
+    return np.concatenate(entries), stages, np.concatenate(dependent)
+
+
+def _open(row: np.ndarray, column: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """(entries,) mask of those in connected parts with more columns than rows."""
+    label = least_connected(row, rows + column, rows + columns)
+    has = np.zeros(rows + columns, bool)
+    has[row] = has[rows + column] = True
+    surplus = np.bincount(label, np.where(np.arange(rows + columns) < rows, -1, 1) * has, rows + columns)
+    result: np.ndarray = surplus[label[row]] > 0
+    return result
 
 
 def _entries(selection: Selection) -> _Entries:
@@ -87,12 +133,12 @@ def _entries(selection: Selection) -> _Entries:
 
 
 def _program(
-    formulas: list[tuple[Expr, np.ndarray]], kept: np.ndarray, row: np.ndarray, first: int
+    formulas: list[tuple[Expr, np.ndarray]], read: np.ndarray, first: int
 ) -> tuple[tuple[Step, ...], np.ndarray]:
-    """Return the steps that fill the entries of the rows kept, and the register of each entry."""
-    place, steps, start = np.full(len(row), -1), [], 0
+    """Return the steps that fill the entries that are read, and the register of each entry."""
+    place, steps, start = np.full(len(read), -1), [], 0
     for shape, table in formulas:
-        mine = np.flatnonzero(kept[row[start : start + len(table)]])
+        mine = np.flatnonzero(read[start : start + len(table)])
         out = first + np.arange(len(mine))
         place[start + mine] = out
         if len(mine):

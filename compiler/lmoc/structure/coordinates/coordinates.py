@@ -70,7 +70,8 @@ def choose(tied: Tied, c: np.ndarray, d: np.ndarray, rank: np.ndarray, wish: np.
             match.append(match[-1])
             continue
         previous = rows
-        chosen, singular = _greedy(part, rows, rank, wish)
+        now_or_never = (wish == Wish.ASKED) & (d == stage)  # the others may be states of a later stage
+        chosen, singular = _greedy(part, rows, np.where(now_or_never, rank + len(rank), rank), wish)
         if len(singular):
             return Choice(tuple(dependent), tuple(match), singular)
         dependent.append(np.sort(chosen))

@@ -61,7 +61,7 @@ def write_constraints(
     data = {
         "rows": own.rows,
         "variable": own.variable.tolist(),
-        "source": own.source.tolist(),
+        "keys": [keys.tolist() for keys in own.keys],
         "watched": [observer.flat.variable_name(int(v)) for v in own.variable[own.watched]],
         "sizes": [float(v) if np.isfinite(v) else None for v in plan.nominal(observer.values)],
         "rounding": ROUNDING,

@@ -24,8 +24,7 @@ export class Watch {
   /** Compare entries with the sizes that they have had before, in whatever coordinates that was. */
   inherit(before, theirs) {
     const { own, sizes } = this;
-    const rows = own.source.map((equation) => before.source.indexOf(equation));
-    const columns = own.variable.map((variable) => before.variable.indexOf(variable));
+    const [rows, columns] = own.keys.map((keys, k) => keys.map((key) => before.keys[k].indexOf(key)));
     rows.forEach((r, i) => {
       columns.forEach((c, j) => {
         if (r >= 0 && c >= 0) sizes[i * columns.length + j] = theirs[r * before.variable.length + c];
