@@ -121,6 +121,22 @@ def test_a_structural_parameter_flattens_again():
     assert run["m.q"].shape == (501, 5)
 
 
+def test_a_condition_on_a_parameter_flattens_again_where_it_changes():
+    """What is compiled depends on n > 2 and on whether k is positive, on nothing else of them: x' = -k x, or x' = n."""
+    model = "model A parameter Real k = 2, n = 1, m = 2*n; parameter Boolean on = k > 0; "
+    model += "Real x(start = 1, fixed = true); "
+    model += "equation if on and m < 4 then der(x) = -k*x; else der(x) = n; end if; end A;"
+    dae = lmoc.compile_text(model)
+    end = np.exp(-3), np.exp(-2)
+    for given, truth, again in (({"k": 3}, end[0], 0), ({"n": 1.9}, end[1], 0), ({"n": 2}, 3, 1), ({"k": -1}, 2, 1)):
+        run = dae.simulate(stop=1, points=3, rtol=1e-9, parameters=given)
+        assert run["x"][-1] == pytest.approx(truth, abs=1e-7)
+        assert [note.code for note in run.notes].count("N0630") == again
+    many = dae.ensemble({"k": np.array([3.0, -1.0, 2.5])}, stop=1, points=3, keep="x")
+    alone = [dae.simulate(stop=1, points=3, parameters={"k": k})["x"] for k in (3.0, -1.0, 2.5)]
+    assert np.array_equal(many["x"], alone)
+
+
 def test_a_failing_run_keeps_its_beginning():
     dae = lmoc.compile_text(SPRING.replace("push(f = f)", "push(f = f + 1/(1 - body.q)^3)"))
     with pytest.raises(lmoc.SimulationError) as caught:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lmoc import pipeline
-from lmoc.ir.flat import FlatDAE, Kind
+from lmoc.ir.flat import Block, FlatDAE, Kind
 from lmoc.ir.prepared import Prepared
 from lmoc.ir.reduced import Reduced
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report, Subject
@@ -92,6 +92,8 @@ class Session:
         resized = {name for name, value in parameters.items() if self._resizes(name, value)}
         overrides = indexed(self.flat, {n: v for n, v in parameters.items() if n not in resized})
         structural = {n: v for n, v in parameters.items() if n in resized or self._reshapes(n, v)}
+        if not structural and not self._decided(parameters, overrides):
+            structural = {n: v for n, v in parameters.items() if self._reshapes(n, v, conditional=True)}
         if structural:
             rest = {n: v for n, v in parameters.items() if n not in structural}
             shape = "shapes" if len(structural) == 1 else "shape"
@@ -173,10 +175,20 @@ class Session:
         _, dims = self.flat.block_at(int(variables[0])).path[-1]
         return bool(dims) and np.size(value) != len(variables)
 
-    def _reshapes(self, name: str, value: Value) -> bool:
-        """Return whether a value shapes the flat model and differs from the one that has shaped it."""
-        variables = self.flat.find(name)
-        return self.flat.block_at(int(variables[0])).structural and bool(np.any(self.values[variables] != value))
+    def _reshapes(self, name: str, value: Value, conditional: bool = False) -> bool:
+        """Return whether a value shapes the flat model, by conditions alone, and differs from the one that has."""
+        variables, block = self.flat.find(name), self._block_of(name)
+        return block.structural and block.conditional == conditional and bool(np.any(self.values[variables] != value))
+
+    def _block_of(self, name: str) -> Block:
+        return self.flat.block_at(int(self.flat.find(name)[0]))
+
+    def _decided(self, parameters: Mapping[str, Value], overrides: Mapping[int, float]) -> bool:
+        """Return whether conditions on parameters that have shaped the flat model are as they were."""
+        if not any(self._block_of(name).conditional for name in parameters):
+            return True
+        values = self.flat.parameter_values({**indexed(self.flat, self.flat.overrides), **overrides})
+        return bool(self.flat.keeps_shape(values))
 
     def _reshape(self, structural: Mapping[str, Value], clock: Clock) -> Session:
         key = tuple(sorted((name, np.asarray(value, float).tobytes()) for name, value in structural.items()))

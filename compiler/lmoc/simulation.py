@@ -216,11 +216,14 @@ def _direction(session: Session, request: Request, prepared: Prepared, segment: 
         held = indexed(flat, {**flat.overrides, **(request.parameters or {}), name: value})
         if block.quantity in ("Integer", "Boolean", "String"):
             raise refused(f"'{name}' is no number that changes continuously")
-        if block.structural:
+        if block.structural and not block.conditional:
             raise refused(f"'{name}' shapes the model: what is compiled depends on it, as by 'if {name} > 0 then'")
         size = abs(value) or 1.0
         changed = partial(changed_values, flat, held, variable, prepared.reduced.flat.count)
-        return Direction(name, value, size, changed, True)
+        direction = Direction(name, value, size, changed, True)
+        if block.structural and not flat.keeps_shape(direction.around).all():
+            raise refused(f"with another value of '{name}' the model has another shape: a condition is on its edge")
+        return direction
     if flat.kind[variable] != Kind.UNKNOWN or isinstance(request.initial, str) or hasattr(request.initial, "time"):
         raise refused(f"'{name}' is neither a parameter nor a variable that is free at the start")
     place = _start_of(session, request, segment)[None, : len(segment.observer.plan.states)]

@@ -307,6 +307,35 @@ def test_events_at_one_instant():
         dae.simulate(stop=0.8, points=9, sensitivities="low")
 
 
+SLIDES = """
+model Slides "a point slides along the ground until friction has stopped it"
+  import Planar.*;
+  inner World world;
+  PointMass p(
+    m = 2,
+    x(start = 0, fixed = true),
+    y(start = 0, fixed = true),
+    vx(start = 3, fixed = true),
+    vy(start = 0, fixed = true));
+  Contact ground(mu = 0.4);
+equation
+  connect(ground.point, p.point);
+end Slides;
+"""
+
+
+def test_the_friction_of_a_contact():
+    """x = v t - mu g t²/2 until v/(mu g), where it sticks: x = v²/(2 mu g)."""
+    asked = ("ground.mu", "world.g")
+    run = lmoc.compile_text(SLIDES).simulate(stop=1.2, points=15, rtol=1e-9, sensitivities=asked)
+    assert [event.kind for event in run.events] == ["stick"]
+    t, mu, g = run.time, 0.4, 9.81
+    slides = t < 3 / (mu * g)
+    by_mu, by_g = (np.where(slides, -other * t**2 / 2, -9 / (2 * mu * g * own)) for own, other in ((mu, g), (g, mu)))
+    assert run.sensitivity("p.x", "ground.mu") == pytest.approx(by_mu, abs=1e-7)
+    assert run.sensitivity("p.x", "world.g") == pytest.approx(by_g, abs=1e-7)
+
+
 @pytest.mark.parametrize(
     ("file", "names", "stop"),
     [

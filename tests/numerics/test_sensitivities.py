@@ -144,6 +144,40 @@ def test_what_smooth_says_to_be_continuous_has_derivatives():
         lmoc.compile_text(model.format("noEvent(")).simulate(stop=1, sensitivities="k")
 
 
+def test_what_smooth_says_to_be_continuous_may_bend():
+    """v' = -1 - c v on the way up, -1 - d v on the way down."""
+    model = "model A parameter Real c = 1, d = 3; Real v(start = 2, fixed = true); "
+    model += "equation der(v) = -1 - smooth(0, if v > 0 then c*v else d*v); end A;"
+    run = lmoc.compile_text(model).simulate(stop=2, points=20, rtol=1e-9, sensitivities=("c", "d"))
+
+    def velocity(c, d):
+        s = run.time - np.log(1 + 2 * c) / c
+        return np.where(s < 0, (2 + 1 / c) * np.exp(-c * run.time) - 1 / c, (np.exp(-d * s) - 1) / d)
+
+    h = 1e-5
+    assert run.sensitivity("v", "c") == pytest.approx((velocity(1 + h, 3) - velocity(1 - h, 3)) / (2 * h), abs=1e-7)
+    assert run.sensitivity("v", "d") == pytest.approx((velocity(1, 3 + h) - velocity(1, 3 - h)) / (2 * h), abs=1e-7)
+
+
+def test_a_power_of_zero_does_not_depend_on_its_exponent():
+    """y' = t^n: from t = 0 on, where the logarithm of t is none."""
+    model = "model A parameter Real n = 1.5; Real x(start = 0, fixed = true), y(start = 0, fixed = true); "
+    dae = lmoc.compile_text(model + "equation der(x) = 1; der(y) = x^n; end A;")
+    run = dae.simulate(times=[1, 2], rtol=1e-9, sensitivities="n")
+    truth = [t**2.5 * (np.log(t) / 2.5 - 1 / 2.5**2) for t in (1, 2)]
+    assert run.sensitivity("y", "n") == pytest.approx(truth, abs=1e-7)
+
+
+def test_a_parameter_that_a_condition_reads_has_derivatives_inside_it():
+    """As the friction of a contact: x' = -k x if k > 0, and 1 otherwise."""
+    model = "model A parameter Real k = {}; Real x(start = 1, fixed = true); "
+    model += "equation if k > 0 then der(x) = -k*x; else der(x) = 1; end if; end A;"
+    run = lmoc.compile_text(model.format(2)).simulate(stop=1, points=5, rtol=1e-9, sensitivities="k")
+    assert run.sensitivity("x", "k") == pytest.approx(-run.time * np.exp(-2 * run.time), abs=1e-7)
+    with pytest.raises(ModelError, match="a condition is on its edge"):
+        lmoc.compile_text(model.format(0)).simulate(stop=1, sensitivities="k")
+
+
 @pytest.mark.parametrize("asked", ["kk", "n", "f"])
 def test_what_cannot_be_asked_for(dae, asked):
     with pytest.raises(ModelError):

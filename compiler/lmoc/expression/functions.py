@@ -254,7 +254,7 @@ def _power_by_base(of: Any, f: Any, base: Any, exponent: Any) -> Any:
 
 
 def _power_by_exponent(of: Any, f: Any, base: Any, exponent: Any) -> Any:
-    return f * of("log", base)
+    return f * of("log", base + of("eq", f, 0 * f))  # 0^n is 0 for all n > 0
 
 
 def _nothing(*_: Any) -> float:

@@ -84,6 +84,7 @@ class Block:
     part: int = 0  # index into FlatDAE.parts
     span: Span | None = None
     slider: Slider | None = None  # of a parameter that matters first
+    conditional: bool = False  # structural in FlatDAE.decisions alone: as long as these hold, so does the flat model
 
     @property
     def dims(self) -> tuple[int, ...]:
@@ -167,7 +168,7 @@ class Group:
     span: Span | None  # the equation as the user wrote it
     part: int = 0  # whose equation it is
     origin: str = "equation"  # equation, binding, connection, unconnected, sum, argument, law, ledger
-    smooth: int = 0  # how often what decides in it without an event is continuously differentiable: from smooth()
+    smooth: int = -1  # how often what decides in it without an event is continuously differentiable: from smooth()
 
     @property
     def rows(self) -> int:
@@ -215,6 +216,22 @@ class Check:
         return np.broadcast_to(np.not_equal(result, 0), (len(used),))
 
 
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """Conditions on parameters that have shaped the flat model, one a row: where they are the same, so is the model."""
+
+    condition: Expr
+    slots: np.ndarray  # (n, columns) variable indices
+    held: np.ndarray  # (n,) whether each of them has held
+
+    def same(self, values: np.ndarray) -> np.ndarray:
+        """Return whether all are as they were, for values (variables,) or those of many runs (variables, runs)."""
+        found = evaluate(self.condition, lambda k, _: values[self.slots[:, k]])
+        held = self.held.reshape(-1, *[1] * (values.ndim - 1))
+        shape = len(self.held), *values.shape[1:]
+        return (np.broadcast_to(np.not_equal(found, 0), shape) == held).all(axis=0)
+
+
 @dataclass(frozen=True)
 class Experiment:
     """The settings of a model for its runs; None where not stated."""
@@ -260,6 +277,7 @@ class FlatDAE:
     fixed: tuple[Assignments, ...] = ()
     nominals: tuple[Assignments, ...] = ()
     checks: tuple[Check, ...] = ()
+    decisions: tuple[Decision, ...] = ()
     laws: tuple[Laws, ...] = ()  # each leaves a force open that a mode closes (`lmoc.ir.mode`)
     events: Events | None = None  # None: nothing happens at instants
     closed: np.ndarray | None = None  # (laws,) which laws are closed; None: the groups say nothing about the laws
@@ -457,6 +475,16 @@ class FlatDAE:
             values[a.target] = a.values(values)
             values[given] = numbers
         return values
+
+    def keeps_shape(self, values: np.ndarray) -> np.ndarray:
+        """Return whether the flat model would be the same with other values of what is structural by conditions alone.
+
+        For values (variables,), or for each of many runs (variables, runs).
+        """
+        kept = np.ones(values.shape[1:], bool)
+        for decision in self.decisions:
+            kept &= decision.same(values)
+        return kept
 
     def extended(self, values: np.ndarray) -> np.ndarray:
         """Return parameter values (count,) of the model that this one adds variables to: those have none (NaN)."""

@@ -178,6 +178,7 @@ class _Flattening:
             fixed=tuple(assembler.assignments(self.drafts.fixed)),
             nominals=tuple(assembler.assignments(self.drafts.nominals)),
             checks=tuple(assembler.checks(self.drafts.checks)),
+            decisions=tuple(assembler.decisions(self.drafts.decisions)),
             laws=tuple(assembler.laws(self.drafts.laws)),
             experiment=experiment_of(root.cls, model),
             overrides=dict(self.overrides.given),

@@ -69,7 +69,7 @@ def _of_one_plan(job: Job, rows: list[int]) -> tuple[list[int], Series]:
         if isinstance(signals.get(variable), Constant)
     }
     runs = Runs(plan, signals, numbers, values, bases(plan, values, signals, numbers))
-    good = sound(runs)
+    good = sound(runs) & session.flat.keeps_shape(values)
     good[good] = reduced.guards_hold(values[:, good])
     if not good.any():
         return [], {}
@@ -105,7 +105,8 @@ def _values(job: Job, rows: Sequence[int]) -> np.ndarray:
     for name in (*same, *varied):
         variables = flat.find(name)
         block = None if variables is None else flat.block_at(int(variables[0]))
-        if block is None or block.structural or block.quantity in ("Integer", "Boolean", "String"):
+        shapes = block is None or (block.structural and not block.conditional)
+        if shapes or block.quantity in ("Integer", "Boolean", "String"):
             raise NotInLanes(f"'{name}' shapes the model, or is no real number")
     first = indexed(flat, {**flat.overrides, **job.rows.request(rows[0])["parameters"]})
     place = {variable: k for k, variable in enumerate(first)}

@@ -33,6 +33,11 @@ def check_flat(flat: FlatDAE) -> None:
             where = f"checks[{number}]"
             findings.indices(check.slots, 0, flat.count, where, (None, None))
             findings.arity([check.condition], check.slots.shape[1], where)
+        for number, decision in enumerate(flat.decisions):
+            where = f"decisions[{number}]"
+            findings.indices(decision.slots, 0, flat.count, where, (len(decision.held), None))
+            findings.arity([decision.condition], decision.slots.shape[1], where)
+            findings.require(bool((flat.kind[decision.slots] <= Kind.PARAMETER).all()), where, "it is not known")
         for number, laws in enumerate(flat.laws):
             _laws(flat, laws, f"laws[{number}]", findings)
     if not findings.found:

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from lmoc.expression.dag import slots
 from lmoc.ir.flat import FlatDAE, Kind
 from lmoc.messages.diagnostics import Diagnostic, ModelError
 from lmoc.numerics.failures.chatter import jumps
@@ -190,19 +191,23 @@ def same_values(values: np.ndarray, changes: np.ndarray) -> np.ndarray:
 def _has_jumps(plan: Plan) -> bool:
     """Return whether the equations may jump where a condition on the motion changes outside of events.
 
-    What smooth() says to be continuous up to a derivative does not, unless it has been differentiated further: then
+    What smooth() says to be continuous, up to a derivative, does not, unless it has been differentiated further: then
     there are such derivatives of all its variables.
     """
     reduced, table = plan.reduced, plan.reduced.registers
     highest = np.zeros(reduced.flat.count + 1, int)
     np.maximum.at(highest, table.variable, table.order)  # the last one is that of helpers
     for group, _ in plan.once(jumps):
-        if not group.smooth:
+        if group.smooth < 0:
             return True
         unknown = reduced.flat.kind[group.slots] == Kind.UNKNOWN
         register = reduced.register_of[group.slots]
         root = np.where(register >= 0, table.variable[register], group.slots)
-        differentiated = np.where(unknown, np.maximum(highest[root], highest[group.slots]), _NEVER)
+        above = highest[root] - np.where(register >= 0, table.order[register], 0)
+        written = np.zeros(group.slots.shape[1], int)
+        for leaf in (*slots(group.left), *slots(group.right)):
+            written[leaf.value[0]] = max(written[leaf.value[0]], leaf.value[1])
+        differentiated = np.where(unknown, np.maximum(above, highest[group.slots]) - written, _NEVER)
         if (differentiated.min(axis=1) > group.smooth).any():
             return True
     return False

@@ -9,13 +9,14 @@ from math import isinf
 import numpy as np
 
 from lmoc.expression import dag
+from lmoc.expression.dag import Expr
 from lmoc.expression.text import number_text
-from lmoc.ir.flat import Assignments, Block, Check, Group, Kind, Part, Slider, StateSelect
+from lmoc.ir.flat import Assignments, Block, Check, Decision, Group, Kind, Part, Slider, StateSelect
 from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
 from lmoc.semantics.classes.looks import Looks
-from lmoc.semantics.drafts.draft import AssignmentDraft, CheckDraft, Column, Drafts, GroupDraft, LawDraft
+from lmoc.semantics.drafts.draft import AssignmentDraft, CheckDraft, Column, DecisionDraft, Drafts, GroupDraft, LawDraft
 from lmoc.semantics.nodes.instance import Instance, Variable
 from lmoc.support.distinct import distinct
 from lmoc.support.indices import INDEX
@@ -74,6 +75,7 @@ def make_blocks(layout: VariableLayout, sliders: Mapping[Variable, Slider]) -> l
         Block(
             v.path, v.offset, v.size, v.kind, v.unit, v.type.name, v.description, v.flow, v.connector, v.output,
             _protected(v), v.final, v.structural, v.state_select, v.parent.owner.part, v.span, sliders.get(v),
+            v.structural and not v.shaping,
         )
         for v in layout.variables
     ]  # fmt: skip
@@ -141,6 +143,7 @@ def all_columns(drafts: Drafts) -> list[Column]:
         drafts.fixed,
         drafts.nominals,
         drafts.checks,
+        drafts.decisions,
     )
     columns = [column for items in lists for item in items for column in item.columns]
     columns += [column for law in drafts.laws for column in law.columns.values()]
@@ -226,6 +229,13 @@ class Assembler:
             )
             for d in drafts
         ]  # fmt: skip
+
+    def decisions(self, drafts: Sequence[DecisionDraft]) -> list[Decision]:
+        """Decisions, those of one condition together."""
+        table: dict[Expr, list[tuple[np.ndarray, np.ndarray]]] = {}
+        for d in drafts:
+            table.setdefault(d.condition, []).append((self.slots(d.columns, d.rows), d.held))
+        return [Decision(c, *(np.concatenate(own) for own in zip(*found, strict=True))) for c, found in table.items()]
 
     def laws(self, drafts: Sequence[LawDraft]) -> list[Laws]:
         """Laws; those of one call that differ in their rows only become one."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from lmoc.expression import dag
 from lmoc.expression.dag import Expr
+from lmoc.ir.flat import Kind
 from lmoc.ir.law import LawKind
 from lmoc.messages.source import Span
 from lmoc.semantics.mistakes.wrong import Wrong
@@ -37,7 +38,7 @@ class GroupDraft:
     node: Instance  # whose equation it is
     origin: str = "equation"
     library: bool = False
-    smooth: int = 0
+    smooth: int = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +70,19 @@ class CheckDraft:
     span: Span
     at_events: bool = False
     node: Instance | None = None  # the part whose text it is in
+
+
+@dataclass(frozen=True, eq=False)
+class DecisionDraft:
+    """As `flat.Decision`."""
+
+    condition: Expr
+    columns: tuple[Column, ...]
+    held: np.ndarray
+
+    @property
+    def rows(self) -> int:
+        return len(self.held)
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +164,7 @@ class Drafts:
     fixed: list[AssignmentDraft] = field(default_factory=list)
     nominals: list[AssignmentDraft] = field(default_factory=list)
     checks: list[CheckDraft] = field(default_factory=list)
+    decisions: list[DecisionDraft] = field(default_factory=list)
     connects: list[ConnectDraft] = field(default_factory=list)
     roots: list[RootDraft] = field(default_factory=list)
     laws: list[LawDraft] = field(default_factory=list)
@@ -220,6 +235,20 @@ def flat_column(leaf: Leaf, shape: tuple[int, ...]) -> Column:
     return leaf.variable, index.reshape(-1)
 
 
+def decision(context: Context, condition: Value, found: np.ndarray | float) -> Iterator[DecisionDraft]:
+    """What a condition on parameters was, over the rows of a space; nothing where it cannot change."""
+    leaves, (shape,) = compact(context.leaves.items, condition.expr)
+    if not any(leaf.variable is not None and leaf.variable.kind == Kind.PARAMETER for leaf in leaves):
+        return
+    rows = context.space.shape
+    columns = tuple(flat_column(leaf, rows) for leaf in leaves)
+    if not any(isinstance(index, np.ndarray) for _, index in columns):
+        rows = ()
+    held = np.broadcast_to(align(np.asarray(found), len(rows)), rows).reshape(-1) != 0
+    if len(held):
+        yield DecisionDraft(shape, columns, held)
+
+
 def equality(context: Context, left: Value, right: Value, span: Span, node: Instance, origin="equation") -> Iterator:
     """The groups of ``left = right``, which must have the same dimensions."""
     if left.uniform and right.uniform:
@@ -228,7 +257,8 @@ def equality(context: Context, left: Value, right: Value, span: Span, node: Inst
         if rows:
             leaves, (a, b) = compact(context.leaves.items, left.expr, right.expr)
             columns = tuple(flat_column(leaf, shape) for leaf in leaves)
-            yield GroupDraft(a, b, columns, rows, span, node, origin, context.scope.library, context.leaves.smooth or 0)
+            smooth = -1 if context.leaves.smooth is None else context.leaves.smooth
+            yield GroupDraft(a, b, columns, rows, span, node, origin, context.scope.library, smooth)
         return
     for a, b in zip(context.arrays.elements(left), context.arrays.elements(right)):
         yield from equality(context, a, b, span, node, origin)

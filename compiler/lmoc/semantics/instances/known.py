@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from lmoc.ir.flat import Kind
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.drafts.draft import decision
 from lmoc.semantics.mistakes.wrong import NotKnown, Wrong
 from lmoc.semantics.nodes.instance import Binding, Variable
 from lmoc.semantics.nodes.overrides import element_positions, other_type
@@ -35,6 +36,7 @@ class KnownValues:
         self._elements = elements
         self._numbers: dict[Variable, np.ndarray] = {}
         self._evaluating: list[Variable] = []
+        self._deciding = False  # the values looked for decide about a condition alone
         self._constants: dict[tuple[int, Scope], Value] = {}  # by the expression and the class that it is meant for
         self._open_constants: list[tuple[int, Scope]] = []
         self.undetermined: set[Variable] = set()
@@ -42,7 +44,7 @@ class KnownValues:
     def numbers(self, variable: Variable) -> np.ndarray:
         """The values of a parameter or constant, needed to shape the flat model: one for each of its elements."""
         found = self._numbers.get(variable)
-        if found is not None:
+        if found is not None and (self._deciding or variable.shaping):
             return found
         if variable in self._evaluating:
             cycle = self._evaluating[self._evaluating.index(variable) :] + [variable]
@@ -68,7 +70,21 @@ class KnownValues:
         finally:
             self._evaluating.pop()
         variable.structural = variable.kind == Kind.PARAMETER
+        variable.shaping = not self._deciding
         self._numbers[variable] = found
+        return found
+
+    def decided(
+        self, context: Context, condition: Value, evaluate: Callable[[], np.ndarray | float]
+    ) -> np.ndarray | float:
+        """The numbers of a condition: with other values the flat model is the same as long as the condition is."""
+        inner, self._deciding = self._deciding, True
+        try:
+            found = evaluate()
+        finally:
+            self._deciding = inner
+        if not inner and not np.any(np.isnan(found)):
+            self._model.drafts.decisions += decision(context, condition, found)
         return found
 
     def _evaluate(self, variable: Variable, binding: Binding) -> np.ndarray:

@@ -127,6 +127,7 @@ class Variable(InstanceNode):
     value : the binding, None where there is none
     offset : index of its first variable in the flat model, once that is laid out
     structural : its value has shaped the flat model
+    shaping : it has done so other than in a condition
     from_start : a parameter that the equations of the start determine, or that follows from one; it does not change
     is_node : it belongs to a protected connector that is connected
     computed : no parameter, but of a type that changes at events only, and its value follows from parameters
@@ -144,7 +145,7 @@ class Variable(InstanceNode):
         self.connector = False
         self.output = False
         self.offset = -1
-        self.structural = False
+        self.structural = self.shaping = False
         self.computed = False
         self.is_node = False
         self.from_start = False

@@ -157,7 +157,7 @@ def _semi_linear(context: Context, call: tree.Call) -> Value:
 
 @builtin("noEvent")
 def _no_event(context: Context, call: tree.Call) -> Value:
-    _decides(context, 0)
+    _decides(context, -1)
     return _quietly(context, lambda: arguments(context, call, 1)[0])
 
 

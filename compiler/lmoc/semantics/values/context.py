@@ -25,6 +25,10 @@ class Known(Protocol):
 
     def numbers(self, variable: Variable) -> np.ndarray: ...
 
+    def decided(
+        self, context: Context, condition: Value, evaluate: Callable[[], np.ndarray | float]
+    ) -> np.ndarray | float: ...
+
     def binding(self, binding: Binding) -> tuple[Context, Value]: ...
 
     def constant(self, component: tree.Component, expression: tree.Expression, scope: Scope) -> Value: ...
@@ -189,7 +193,11 @@ class Context:
                 raise NotKnown("E0211", f"{what} must be known when compiling, but depends on '{name}'", span)
             return self.model.known.numbers(leaf.variable)[leaf.index]
 
-        result = self.arrays.numbers(value, column)
+        def numbers() -> np.ndarray | float:
+            return self.arrays.numbers(value, column)
+
+        decides = value.type == "Boolean" and not value.dims
+        result = self.model.known.decided(self, value, numbers) if decides else numbers()
         if np.any(np.isnan(result)):
             raise NotKnown("E0211", f"{what} must be known when compiling, but has no value", span)
         return result
