@@ -18,7 +18,7 @@ BUILT, DIGEST = ASSETS / "engine.wasm", ASSETS / "engine.sha256"
 SOURCES = (
     "page", "page_steps", "page_memory", "bytes", "tape", "blocks", "dense", "newton", "lu", "lu_order", "tables",
     "evaluate", "dop853", "walk", "radau", "first_step", "roots", "crossing", "page_events", "beside", "instant",
-    "relations", "trials", "hops", "page_laws", "law_run", "free_dynamics", "transition", "strike", "jenkins",
+    "relations", "trials", "hops", "happen", "page_laws", "law_run", "free_dynamics", "transition", "strike", "jenkins",
     "project", "switching", "manifold", "mode", "impact", "impact_order", "complementarity", "cones", "coordinates",
     "coordinate_watch", "passage", "page_coordinates", "page_instants",
 )  # fmt: skip

@@ -133,14 +133,15 @@ class Instant:
 
     def ask(self, name: str, hook: Callable[[float, np.ndarray], bool]) -> None:
         """Have a function of time and states answer; whether it has one."""
-        self._kept.append(one := self._hook(hook))
+        self._kept.append(one := self.hook(hook))
         setattr(self.data, name, ctypes.cast(one, ctypes.c_void_p).value)
 
-    def _hook(self, hook: Callable[[float, np.ndarray], bool]) -> Any:
+    def hook(self, hook: Callable[[float, np.ndarray], bool]) -> Any:
+        """Return a function that C asks: of a structure, a time and states, which it may move."""
         states = self.data.states
 
         def call(_: int, time: float, x: int) -> int:
-            return self._answer(lambda: hook(time, _array(x, states)))
+            return self.answer(lambda: hook(time, _array(x, states)))
 
         return _HOOK(call)
 
@@ -174,7 +175,7 @@ class Instant:
         most : of them that are changed at once, and how many combinations are tried
         accept : a function of time and states
         """
-        hook = self._hook(accept)
+        hook = self.hook(accept)
         place = ctypes.cast(hook, ctypes.c_void_p).value
         own = np.asarray(zeros, np.int64)
         return bool(self.call("lmoc_try", x, begun, len(own), own, *most, place) == SETTLED)
@@ -184,7 +185,7 @@ class Instant:
         states = self.data.states
 
         def call(_: int, x: int, reinit: int, wanted: float, moved: int) -> int:
-            return self._answer(lambda: hook(_array(x, states).copy(), reinit, wanted, _array(moved, states)))
+            return self.answer(lambda: hook(_array(x, states).copy(), reinit, wanted, _array(moved, states)))
 
         self._kept.append(one := _MOVE(call))
         self.data.move = ctypes.cast(one, ctypes.c_void_p).value
@@ -202,12 +203,12 @@ class Instant:
                     _array(place, size)[:] = values
                 return True
 
-            return self._answer(work)
+            return self.answer(work)
 
         return call
 
-    def _answer(self, work: Callable[[], bool]) -> int:
-        """Keep what is raised until C has come back."""
+    def answer(self, work: Callable[[], bool]) -> int:
+        """Do what C has asked for; keep what is raised until C has come back."""
         try:
             return SETTLED if work() else UNSETTLED
         except BaseException as raised:
@@ -218,7 +219,10 @@ class Instant:
         """Call a C function, with arrays by their places; what it has raised in Python is raised."""
         given = [np.ascontiguousarray(a) if isinstance(a, np.ndarray) else a for a in arguments]
         plain = [a.ctypes.data if isinstance(a, np.ndarray) else a for a in given]
-        found = getattr(self._library, name)(self.reference, *plain)
+        return self.judged(getattr(self._library, name)(self.reference, *plain))
+
+    def judged(self, found: Any) -> Any:
+        """Return what C has come back with; what has been raised in Python is raised."""
         if self._failed is not None:
             raised, self._failed = self._failed, None
             raise raised

@@ -190,17 +190,3 @@ void lmoc_ring(lmoc_instant *e, double time) {
     e->v[e->sample[i]] = k >= 0 && fabs(start + k*interval - time) <= lmoc_near_to(time);
   }
 }
-
-int lmoc_happen(lmoc_instant *e, double time, double *x, double due, const double *crossed, const double *back, int64_t ends) {
-  const int found = lmoc_take(e, time, x);
-  if (found) return found;
-  lmoc_remember(e);
-  if (due == due) lmoc_ring(e, due);
-  if (ends >= 0) e->v[ends] = 1;
-  if (crossed) lmoc_turn_early(e, crossed);
-  for (int64_t k = 0; back && k < e->zeros; k++) {
-    double *own = e->v + e->target[e->of_zero[k]];
-    if (back[k] != 0) *own = 1 - *own;
-  }
-  return lmoc_event(e, x);
-}

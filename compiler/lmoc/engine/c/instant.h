@@ -79,9 +79,6 @@ int64_t lmoc_turn(lmoc_instant *e, const double *x);        /* both; how many ha
 int lmoc_solve_instant(lmoc_instant *e, const double *x);          /* discrete values that agree with the continuous ones */
 int lmoc_reinit(lmoc_instant *e, const double *x, int *some);       /* `moved`: the states with their new values */
 int lmoc_event(lmoc_instant *e, double *x);                 /* all that follows from what has been set */
-/* The same from the beginning: samples are due at `due`, no number where none are; functions have `crossed` zero (zeros,), or
-   turn `back`, or 0; and a condition in v, `ends`, is true from here on, or -1. */
-int lmoc_happen(lmoc_instant *e, double time, double *x, double due, const double *crossed, const double *back, int64_t ends);
 double lmoc_next_time(lmoc_instant *e, double time, int include);   /* s, of the next time event; at the time itself? */
 void lmoc_ring(lmoc_instant *e, double time);               /* the samples whose instant this is */
 

@@ -70,17 +70,10 @@ double *lmoc_page_least_squares(lmoc_page *p, double share);
 /* Events. What they ask and change stands in the state; what it comes to is that of an instant, or of hops. `told` are numbers
    of conditions of which something is to be said. */
 void lmoc_page_begin_events(lmoc_page *p, double time, double span);
-void lmoc_page_literal(lmoc_page *p, int is);               /* relations of time are taken as they are written */
-int lmoc_page_take(lmoc_page *p, double time);
-void lmoc_page_remember(lmoc_page *p);
-void lmoc_page_assign(lmoc_page *p);
-int lmoc_page_reinit(lmoc_page *p, double time);            /* 0, or 1 where the answer is another state; 2 where it has none */
-double lmoc_page_next(lmoc_page *p, double time, int include);
+void lmoc_page_start_events(lmoc_page *p, double time);    /* the answer is the state behind what happens at the start */
 
-/* What happens at an instant, as the run begins (`LMOC_BEGINS`) or nothing else has changed than samples that are due, 0. The
-   answer is the state behind it; -1 - k where the motion needs the derivative of the k-th that steps. Then the next time event;
-   what it is called: when 0, time 1, terminal 2; and what energy the jump of states has cost. */
-int lmoc_page_event(lmoc_page *p, double time, int change);
+/* Of the latest event: the next time event; what it is called: when 0, time 1, terminal 2, start 3; and what energy the jump of
+   states has cost. The answer is the state behind it; -1 - k where the motion needs the derivative of the k-th that steps. */
 double lmoc_page_happened(const lmoc_page *p, int which);
 double *lmoc_page_before(lmoc_page *p);                     /* (discrete,) values before it */
 int lmoc_page_told_count(const lmoc_page *p);
@@ -103,7 +96,6 @@ int lmoc_page_settle(lmoc_page *p, double time);
 /* All that follows where a piece has ended with the state, at a root of the functions or not, in a run that began at a time: 0,
    OVER at its end, or why laws leave no way. The answer is the state behind it, at the time of the instant. The host is told
    of each thing that happens. */
-enum { LMOC_OVER = -2 };
 int lmoc_page_after(lmoc_page *p, double ended, double begin, int root);
 double lmoc_page_instant(const lmoc_page *p);
 

@@ -45,6 +45,118 @@ static int motion(lmoc_instant *e, double time, const double *x, double *rates, 
   return LMOC_SETTLED;
 }
 
+/* ------------------------------------------------------------------ what happens */
+
+static double stored_at(lmoc_page *p, double time, const double *x) {
+  return lmoc_take(&p->events.instant, time, x) ? NAN : p->w[p->events.stored];
+}
+
+/* Book what energy a jump of states has cost as heat, what it has brought as work. */
+static void book_jump(lmoc_page *p, double time) {
+  page_events *v = &p->events;
+  v->lost = 0;
+  if (!v->way.jumped || v->stored < 0 || v->work_state < 0 || v->heat_state < 0) return;
+  const double before = stored_at(p, time, v->way.begun);
+  v->lost = before - stored_at(p, time, p->answer);
+  if (v->lost * 0 == 0) p->answer[v->lost > 0 ? v->heat_state : v->work_state] += fabs(v->lost);
+  if (v->lost < 0) v->lost = 0;
+}
+
+/* What steps with the discrete values, and the stored energy, into `out`. */
+static void read_steps(lmoc_page *p, double time, double *out) {
+  const page_events *v = &p->events;
+  memcpy(p->x, p->answer, p->n * sizeof(double));
+  p->switched = 1;
+  lmoc_page_evaluate(p, (int)v->jumps, time);
+  for (int64_t k = 0; k < v->step_count; k++) out[k] = p->w[v->step[k]];
+  out[v->step_count] = v->step_stored < 0 ? 0 : p->w[v->step_stored];
+}
+
+/* Book the work of what steps at an instant; which one steps though the motion needs its derivative, -1 for none. */
+static int64_t book_steps(lmoc_page *p, double time) {
+  page_events *v = &p->events;
+  lmoc_instant *e = &v->instant;
+  double *before = v->steps, *after = before + v->step_count + 1, *now = after + v->step_count + 1;
+  int some = 0;
+  if (!v->step_count) return -1;
+  for (int64_t i = 0; i < e->discrete; i++) {
+    now[i] = e->v[e->own[i]];
+    e->v[e->own[i]] = v->way.held[i];
+  }
+  read_steps(p, time, before);
+  for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = now[i];
+  read_steps(p, time, after);
+  for (int64_t k = 0; k < v->step_count; k++) {
+    if (!(fabs(after[k] - before[k]) > CONTINUOUS * fmax(fabs(after[k]), fabs(before[k])))) continue;
+    if (v->moving[k]) return k;
+    some = 1;
+  }
+  if (some && v->step_stored >= 0 && v->work_state >= 0) p->answer[v->work_state] += after[v->step_count] - before[v->step_count];
+  return -1;
+}
+
+/* Book what an event has done; the host is told. */
+static int booked(lmoc_events *way, double time, double *x) {
+  lmoc_page *p = way->owner;
+  int64_t wrong = -1;
+  if (way->kind != LMOC_START) {
+    book_jump(p, time);
+    wrong = book_steps(p, time);
+  }
+  p->instant = time;
+  memcpy(p->x, x, p->n * sizeof(double));
+  lmoc_host_event(wrong < 0 ? LMOC_SETTLED : -1 - (int)wrong);
+  return LMOC_SETTLED;
+}
+
+double lmoc_page_happened(const lmoc_page *p, int which) {
+  const page_events *v = &p->events;
+  const double all[] = {v->next, (double)v->way.kind, v->lost};
+  return all[which];
+}
+
+double *lmoc_page_before(lmoc_page *p) { return p->events.way.held; }
+
+int lmoc_page_told_count(const lmoc_page *p) { return (int)p->events.instant.found_count; }
+
+int lmoc_page_told_of(const lmoc_page *p, int k) { return (int)p->events.instant.found[k]; }
+
+/* Tell the host where nothing is known behind an instant. */
+static int reported(lmoc_page *p, int found) {
+  const int switches = found == LMOC_TOO_LOW || found == LMOC_TOO_OFTEN;
+  memcpy(p->x, p->answer, p->n * sizeof(double));
+  if (found && found != LMOC_OVER) lmoc_host_event(switches ? 100 + (int)p->events.way.culprit : found);
+  return found;
+}
+
+int lmoc_page_events_after(lmoc_page *p, double time, int crossed) {
+  return reported(p, lmoc_events_after(&p->events.way, time, p->answer, crossed));
+}
+
+int lmoc_page_events_settle(lmoc_page *p, double time) {
+  return reported(p, lmoc_events_settle(&p->events.way, time, p->answer));
+}
+
+/* ------------------------------------------------------------------ the start */
+
+static int states(lmoc_events *way, double *x) {
+  lmoc_page *p = way->owner;
+  lmoc_host_states();
+  memmove(x, p->answer, p->n * sizeof(double));
+  return LMOC_SETTLED;
+}
+
+static int equations(lmoc_events *way, int first) {
+  (void)way;
+  lmoc_host_equations(first);
+  return LMOC_SETTLED;
+}
+
+void lmoc_page_start_events(lmoc_page *p, double time) {
+  p->instant = time;
+  reported(p, lmoc_events_start(&p->events.way, time, p->answer, 0));
+}
+
 /* ------------------------------------------------------------------ reading */
 
 /* The tables in the order of `lmoc_instant`, and how many there are of what. */
@@ -89,7 +201,7 @@ static void read_tables(lmoc_instant *e, lmoc_bytes *b) {
 static int make_room(page_events *v, int64_t n) {
   lmoc_instant *e = &v->instant;
   const int64_t zeros = e->zeros, d = e->discrete;
-  const int64_t sum = 4*n + 2*v->step_count + 2 + 3*d + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
+  const int64_t sum = 3*n + 2*v->step_count + 2 + 3*d + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
   double *at = calloc((size_t)(sum + 3*zeros), sizeof(double));
   e->found = calloc((size_t)e->told + 1, sizeof(int64_t));
   e->near = calloc((size_t)zeros + 1, 1);
@@ -99,8 +211,8 @@ static int make_room(page_events *v, int64_t n) {
   TAKE(instant.supposed, e->relations), TAKE(instant.early, e->relations), TAKE(instant.changed, d);
   TAKE(instant.flipped, d), TAKE(instant.moved, n), TAKE(instant.history, LMOC_HISTORY*d);
   TAKE(hops.times, zeros*LMOC_CHATTER), TAKE(hops.home, zeros), TAKE(hops.work, 4*n + 9*zeros);
-  TAKE(work, 2*n + 3*zeros), TAKE(noise, zeros), TAKE(which, zeros), TAKE(turn, zeros), TAKE(before, n), TAKE(at, zeros);
-  TAKE(left, n), TAKE(state, n), TAKE(past, d), TAKE(begun, n), TAKE(held, d), TAKE(steps, 2*v->step_count + 2 + d);
+  TAKE(work, 2*n + 3*zeros), TAKE(noise, zeros), TAKE(way.which, zeros), TAKE(way.turn, zeros), TAKE(way.at, zeros);
+  TAKE(way.begun, n), TAKE(way.held, d), TAKE(left, n), TAKE(state, n), TAKE(past, d), TAKE(steps, 2*v->step_count + 2 + d);
 #undef TAKE
   return 1;
 }
@@ -113,7 +225,8 @@ void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b) {
   v->look = lmoc_read_integer(b);
   const int64_t assign = lmoc_read_integer(b), lines = lmoc_read_integer(b);
   v->jumps = lmoc_read_integer(b);
-  v->terminal = lmoc_read_integer(b);
+  v->way.initial = lmoc_read_integer(b);
+  v->way.terminal = lmoc_read_integer(b);
   v->stored = lmoc_read_integer(b);
   v->work_state = lmoc_read_integer(b);
   v->heat_state = lmoc_read_integer(b);
@@ -137,10 +250,15 @@ void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b) {
   e->move = move;
   v->hops.motion = motion;
   v->hops.step = INFINITY;
+  v->way.e = e;
+  v->way.h = &v->hops;
+  v->way.next = &v->next;
+  v->way.owner = p;
+  v->way.happened = booked;
+  v->way.states = states;
+  v->way.equations = equations;
   if (!make_room(v, p->n)) b->failed = 1;
 }
-
-/* ------------------------------------------------------------------ the host */
 
 void lmoc_page_begin_events(lmoc_page *p, double time, double span) {
   page_events *v = &p->events;
@@ -155,145 +273,7 @@ void lmoc_page_begin_events(lmoc_page *p, double time, double span) {
   v->hops.span = span;
   e->time = time;
   e->literal = 1;
-}
-
-void lmoc_page_literal(lmoc_page *p, int is) { p->events.instant.literal = is; }
-
-int lmoc_page_take(lmoc_page *p, double time) {
-  memcpy(p->answer, p->x, p->n * sizeof(double));
-  return lmoc_take(&p->events.instant, time, p->answer);
-}
-
-void lmoc_page_remember(lmoc_page *p) { lmoc_remember(&p->events.instant); }
-
-void lmoc_page_assign(lmoc_page *p) { lmoc_assign(&p->events.instant); }
-
-int lmoc_page_reinit(lmoc_page *p, double time) {
-  lmoc_instant *e = &p->events.instant;
-  int some;
-  e->time = time;
-  memcpy(p->answer, p->x, p->n * sizeof(double));
-  if (lmoc_reinit(e, p->answer, &some)) return 2;
-  if (some) memcpy(p->answer, e->moved, p->n * sizeof(double));
-  return some;
-}
-
-double lmoc_page_next(lmoc_page *p, double time, int include) {
-  return p->events.next = lmoc_next_time(&p->events.instant, time, include);
-}
-
-static double stored_at(lmoc_page *p, double time, const double *x) {
-  return lmoc_take(&p->events.instant, time, x) ? NAN : p->w[p->events.stored];
-}
-
-/* Book what energy a jump of states has cost as heat, what it has brought as work. */
-static void book_jump(lmoc_page *p, double time) {
-  page_events *v = &p->events;
-  v->lost = 0;
-  if (!v->instant.jumped || v->stored < 0 || v->work_state < 0 || v->heat_state < 0) return;
-  const double before = stored_at(p, time, v->begun);
-  v->lost = before - stored_at(p, time, p->answer);
-  if (v->lost * 0 == 0) p->answer[v->lost > 0 ? v->heat_state : v->work_state] += fabs(v->lost);
-  if (v->lost < 0) v->lost = 0;
-}
-
-/* What steps with the discrete values, and the stored energy, into `out`. */
-static void read_steps(lmoc_page *p, double time, double *out) {
-  const page_events *v = &p->events;
-  memcpy(p->x, p->answer, p->n * sizeof(double));
-  p->switched = 1;
-  lmoc_page_evaluate(p, (int)v->jumps, time);
-  for (int64_t k = 0; k < v->step_count; k++) out[k] = p->w[v->step[k]];
-  out[v->step_count] = v->step_stored < 0 ? 0 : p->w[v->step_stored];
-}
-
-/* Book the work of what steps at an instant; which one steps though the motion needs its derivative, -1 for none. */
-static int64_t book_steps(lmoc_page *p, double time) {
-  page_events *v = &p->events;
-  lmoc_instant *e = &v->instant;
-  double *before = v->steps, *after = before + v->step_count + 1, *now = after + v->step_count + 1;
-  int some = 0;
-  if (!v->step_count) return -1;
-  for (int64_t i = 0; i < e->discrete; i++) {
-    now[i] = e->v[e->own[i]];
-    e->v[e->own[i]] = v->held[i];
-  }
-  read_steps(p, time, before);
-  for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = now[i];
-  read_steps(p, time, after);
-  for (int64_t k = 0; k < v->step_count; k++) {
-    if (!(fabs(after[k] - before[k]) > CONTINUOUS * fmax(fabs(after[k]), fabs(before[k])))) continue;
-    if (v->moving[k]) return k;
-    some = 1;
-  }
-  if (some && v->step_stored >= 0 && v->work_state >= 0) p->answer[v->work_state] += after[v->step_count] - before[v->step_count];
-  return -1;
-}
-
-int lmoc_page_event(lmoc_page *p, double time, int change) {
-  page_events *v = &p->events;
-  lmoc_instant *e = &v->instant;
-  /* also where something else has ended the piece at the same instant */
-  v->due = change != LMOC_BEGINS && time >= v->next - lmoc_near_to(time);
-  v->kind = change == LMOC_ENDS ? 2 : v->due;
-  memcpy(v->begun, p->x, p->n * sizeof(double));
-  memcpy(p->answer, p->x, p->n * sizeof(double));
-  for (int64_t i = 0; i < e->discrete; i++) v->held[i] = e->v[e->own[i]];
-  const int found = lmoc_happen(e, time, p->answer, v->due ? v->next : NAN, change == LMOC_CROSSED ? v->which : 0,
-                                change == LMOC_BACK ? v->turn : 0, change == LMOC_ENDS ? v->terminal : -1);
-  if (found || change == LMOC_BEGINS) return found;
-  v->next = lmoc_next_time(e, v->due ? v->next : time, 0);
-  book_jump(p, time);
-  const int64_t wrong = book_steps(p, time);
-  if (wrong >= 0) return -1 - (int)wrong;
-  if (change == LMOC_CROSSED) lmoc_leave_zero(e, v->which);
-  return LMOC_SETTLED;
-}
-
-double lmoc_page_happened(const lmoc_page *p, int which) {
-  const page_events *v = &p->events;
-  const double all[] = {v->next, (double)v->kind, v->lost};
-  return all[which];
-}
-
-double *lmoc_page_before(lmoc_page *p) { return p->events.held; }
-
-int lmoc_page_told_count(const lmoc_page *p) { return (int)p->events.instant.found_count; }
-
-int lmoc_page_told_of(const lmoc_page *p, int k) { return (int)p->events.instant.found[k]; }
-
-double *lmoc_page_crossing(lmoc_page *p) { return p->events.which; }
-
-/* The first function of some. */
-static int first(const lmoc_page *p, const double *which) {
-  int64_t k = 0;
-  while (k + 1 < p->events.instant.zeros && which[k] == 0) k++;
-  return 100 + (int)k;
-}
-
-int lmoc_page_cross(lmoc_page *p, double time) {
-  page_events *v = &p->events;
-  lmoc_instant *e = &v->instant;
-  memcpy(v->before, p->x, p->n * sizeof(double));
-  const int64_t busy = lmoc_cross(e, &v->hops, time, v->which);
-  if (busy >= 0) return 100 + (int)busy;
-  const int found = lmoc_wrong_way(e, &v->hops, time, v->before, v->which, v->turn);
-  if (found == LMOC_TOO_LOW) return first(p, v->turn);
-  if (lmoc_take(e, time, v->before)) return LMOC_NO_VALUE;
-  memcpy(v->at, e->zero, e->zeros * sizeof(double));
-  return LMOC_SETTLED;
-}
-
-int lmoc_page_turned_back(lmoc_page *p, double time) {
-  page_events *v = &p->events;
-  lmoc_instant *e = &v->instant;
-  int some = 0;
-  memcpy(p->answer, p->x, p->n * sizeof(double));
-  const int found = lmoc_turned_back(e, &v->hops, time, v->before, p->answer, v->which, v->at, v->turn);
-  if (found == LMOC_TOO_LOW) return first(p, v->turn);
-  for (int64_t k = 0; k < e->zeros; k++) some |= v->turn[k] != 0;
-  lmoc_take(e, time, p->answer);
-  return found ? 2 : some;
+  lmoc_remember(e);
 }
 
 /* ------------------------------------------------------------------ roots */

@@ -3,15 +3,6 @@
 
 #include "page_scene.h"
 
-#if defined(__wasm__)
-#define HOST(name) __attribute__((import_module("host"), import_name(name)))
-HOST("laws") void lmoc_host_laws(void);               /* is told of what laws have done … */
-HOST("event") void lmoc_host_event(int found);        /* … and the discrete equations */
-#else
-static void lmoc_host_laws(void) {}
-static void lmoc_host_event(int found) { (void)found; }
-#endif
-
 /* ------------------------------------------------------------------ laws and discrete equations */
 
 /* Exchange the discrete values for those that are kept. */
@@ -41,19 +32,11 @@ static int happened(void *owner) {
   return 0;
 }
 
-/* The discrete equations for the state, which moves on; the host is told. */
-static int event(lmoc_page *p, double time, int change) {
-  const int found = lmoc_page_event(p, time, change);
-  lmoc_host_event(found);
-  memcpy(p->x, p->answer, p->n * sizeof(double));
-  return found;
-}
-
 static int settle(void *owner, double time, double *x) {
   lmoc_page *p = owner;
   keep(p);
-  memcpy(p->x, x, p->n * sizeof(double));
-  const int found = event(p, time, 0);
+  memcpy(p->answer, x, p->n * sizeof(double));
+  const int found = lmoc_page_events_settle(p, time);
   memcpy(x, p->x, p->n * sizeof(double));
   swap(p);
   return found;
@@ -110,21 +93,11 @@ static int together(lmoc_page *p, double begin, int root) {
   return root;
 }
 
-/* What functions that cross zero bring about. */
-static void crossed(lmoc_page *p, double time, const uint8_t *which) {
+/* Tell the instant which functions cross zero. */
+static void cross(lmoc_page *p, const uint8_t *which) {
   const lmoc_instant *e = &p->events.instant;
   const uint8_t *upper = which + e->zeros;
-  double *own = lmoc_page_crossing(p);
-  for (int64_t k = 0; k < e->zeros; k++) own[k] = lmoc_rounded(e, k) && *upper++ ? 2 : which[k] != 0;
-  int found = lmoc_page_cross(p, time);
-  if (found) {
-    lmoc_host_event(found);
-    return;
-  }
-  if (event(p, time, LMOC_CROSSED) || !e->jumped) return;
-  found = lmoc_page_turned_back(p, time);
-  if (found == 1) event(p, time, LMOC_BACK);
-  else if (found) lmoc_host_event(found == 2 ? LMOC_NO_VALUE : found);
+  for (int64_t k = 0; k < e->zeros; k++) p->events.way.which[k] = lmoc_rounded(e, k) && *upper++ ? 2 : which[k] != 0;
 }
 
 int lmoc_page_after(lmoc_page *p, double ended, double begin, int root) {
@@ -144,10 +117,8 @@ int lmoc_page_after(lmoc_page *p, double ended, double begin, int root) {
   memcpy(p->answer, p->x, p->n * sizeof(double));
   if (!v->instant.owner) return root ? 0 : LMOC_OVER;
   if (p->laws.run.k.laws.count) lmoc_page_left(p);
-  if (root) crossed(p, time, which + roots);
-  else if (time >= v->next - lmoc_near_to(time)) event(p, time, 0);
-  else if (v->terminal >= 0 && p->w[v->terminal] == 0) event(p, time, LMOC_ENDS);
-  else return LMOC_OVER;
+  if (root) cross(p, which + roots);
+  if (lmoc_page_events_after(p, time, root) == LMOC_OVER) return LMOC_OVER;
   return p->laws.run.k.laws.count ? lmoc_page_settle(p, time) : 0;
 }
 

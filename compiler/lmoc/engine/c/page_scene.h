@@ -7,7 +7,7 @@
 #include "coordinates.h"
 #include "dense.h"
 #include "free_dynamics.h"
-#include "hops.h"
+#include "happen.h"
 #include "law_run.h"
 #include "page.h"
 #include "passage.h"
@@ -25,16 +25,15 @@ typedef struct {
 typedef struct {
   lmoc_instant instant;
   lmoc_hops hops;
+  lmoc_events way;
   int64_t look, jumps;                /* programs: the zero functions; what steps */
-  int64_t terminal, stored, work_state, heat_state; /* registers and states, -1: none */
+  int64_t stored, work_state, heat_state; /* registers and states, -1: none */
   int64_t step_count, step_stored;
   const int32_t *step, *moving;       /* (step_count,) registers; whether the motion needs their derivatives */
   const int32_t *zero, *seen;         /* (zeros,), (reinits,) registers */
-  double *work, *noise, *which, *turn, *before, *at;
-  double *begun, *held, *steps;       /* (n,), (discrete,) states and values before an event; room */
+  double *work, *noise, *steps;       /* room */
   double *left, *state, *past;        /* (n,), (n,), (discrete,) as laws have left them; room */
   double next, lost;                  /* s, of the next time event; J, that the last event has cost */
-  int due, kind;                      /* whether a time event is; what it is called: when 0, time 1, terminal 2 */
 } page_events;
 
 /* Its laws. */
@@ -101,11 +100,23 @@ int lmoc_page_watch_laws(lmoc_page *p, double time);
 void lmoc_page_law_values(lmoc_page *p, double time, double *out);
 void lmoc_page_edge_values(lmoc_page *p, double time, double *out);
 
-/* Events: what changes at an instant beside samples that are due. */
-enum { LMOC_CROSSED = 1, LMOC_BACK, LMOC_ENDS, LMOC_BEGINS };
-double *lmoc_page_crossing(lmoc_page *p);                   /* the functions, 1 or 2: upwards */
-int lmoc_page_cross(lmoc_page *p, double time);             /* LMOC_SETTLED, or 100 + which of them chatters, … */
-int lmoc_page_turned_back(lmoc_page *p, double time);       /* … 1 where some turn back at once, 2 where nothing has values */
+/* What happens to discrete values where a piece has ended, and where laws have changed something: as of `happen.h`, from the
+   answer on, which is the state then. The host is told of each thing. */
+int lmoc_page_events_after(lmoc_page *p, double time, int crossed);
+int lmoc_page_events_settle(lmoc_page *p, double time);
+
+#if defined(__wasm__)
+#define LMOC_HOST(name) __attribute__((import_module("host"), import_name(name)))
+LMOC_HOST("laws") void lmoc_host_laws(void);          /* is told of what laws have done … */
+LMOC_HOST("event") void lmoc_host_event(int found);   /* … and the discrete equations; and asked at the start: … */
+LMOC_HOST("states") void lmoc_host_states(void);      /* … the answer is the state that discrete values lead to … */
+LMOC_HOST("equations") void lmoc_host_equations(int first); /* … and they have the values of their equations there */
+#else
+static inline void lmoc_host_laws(void) {}
+static inline void lmoc_host_event(int found) { (void)found; }
+static inline void lmoc_host_states(void) {}
+static inline void lmoc_host_equations(int first) { (void)first; }
+#endif
 
 /* Read the events behind the programs (`page_events.c`). */
 void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b);

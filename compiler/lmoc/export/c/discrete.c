@@ -31,4 +31,5 @@ void fmu_ask(fmu *f) {
   f->e.others = lmoc_try_relations;
   f->e.move = fmu_move;
   f->e.follow = f->model->loops.stages ? fmu_loops_follow : 0;
+  fmu_ask_events(f);
 }

@@ -8,7 +8,6 @@
 #include <stdio.h>
 
 static const double LEAST = 0x1p-500;
-enum { START_ROUNDS = 50 };
 
 /* ------------------------------------------------------------------ reinit */
 
@@ -152,32 +151,6 @@ static int motion(lmoc_instant *e, double time, const double *x, double *rates, 
   return LMOC_SETTLED;
 }
 
-/* The first function of some switches again and again; `how` says more. */
-static int chatters(fmu *f, int64_t k, const char *how) {
-  char text[400];
-  snprintf(text, sizeof text, "%.250s switches back and forth: %s", f->model->events.texts[f->e.of_zero[k]], how);
-  return fmu_refused(f, text);
-}
-
-static int too_low(fmu *f, const double *which) {
-  int64_t k = 0;
-  while (k + 1 < f->e.zeros && which[k] == 0) k++;
-  return chatters(f, k, "its next hop is too low to be told from none");
-}
-
-/* Take note of what crosses zero, as long as the run gets on. */
-static int cross(fmu *f, const double *which) {
-  lmoc_hops *h = &f->hops;
-  h->motion = motion;
-  h->begin = f->now.begin;
-  h->span = f->model->span;
-  h->step = INFINITY;
-  const int64_t busy = lmoc_cross(&f->e, h, f->now.time, which);
-  if (busy >= 0) return chatters(f, busy, "a friction with a stick mode ends that");
-  const int found = lmoc_wrong_way(&f->e, h, f->now.time, f->x, which, f->turn);
-  return found == LMOC_TOO_LOW ? too_low(f, f->turn) : found;
-}
-
 /* What the event's own conditions say of it. */
 static int judge(fmu *f) {
   const fmu_events *e = &f->model->events;
@@ -192,49 +165,42 @@ static int judge(fmu *f) {
   return FMU_GOOD;
 }
 
-/* What an instant has changed, and all that follows. `turn_back` (zeros,): relations that change, instead of those that
-   `which` tells of. */
-static int event(fmu *f, int due, double instant, const double *which, const double *turn_back) {
-  lmoc_instant *e = &f->e;
-  for (int64_t i = 0; i < e->discrete; i++) f->before_event[i] = e->v[e->own[i]];
-  int found = lmoc_happen(e, f->now.time, f->x, due ? instant : NAN, which, turn_back, -1);
-  f->now.jumped |= e->jumped != 0;
+/* What an event has done, beside what the engine knows of: values step that the motion needs, and something is said. */
+static int happened(lmoc_events *v, double time, double *x) {
+  fmu *f = v->owner;
+  int found;
+  (void)time, (void)x; /* which stand in `f` */
+  f->now.jumped |= v->jumped != 0;
   fmu_changed(f);
-  if (!found) found = fmu_discrete_steps(f, f->before_event);
-  return found == LMOC_UNSETTLED ? fmu_unsettled(f) : found ? found : judge(f);
+  if (v->kind != LMOC_START && (found = fmu_discrete_steps(f, v->held))) return found;
+  v->jumped |= f->now.jumped;
+  return judge(f);
 }
 
-/* Let conditions at zero change back where the jump of states sends them to the side they came from. */
-static int come_back(fmu *f, const double *which) {
-  const double t = f->now.time;
+/* Say why nothing is known behind an instant. */
+static int reported(fmu *f, int found) {
+  const char *how = found == LMOC_TOO_LOW ? "its next hop is too low to be told from none" : "a friction with a stick mode ends that";
+  char text[400];
+  if (found == LMOC_UNSETTLED) return fmu_unsettled(f);
+  if (found != LMOC_TOO_LOW && found != LMOC_TOO_OFTEN) return found;
+  snprintf(text, sizeof text, "%.250s switches back and forth: %s", f->model->events.texts[f->e.of_zero[f->events.culprit]], how);
+  return fmu_refused(f, text);
+}
+
+/* What happens to the discrete values; `which` as of `crossed`. */
+static int change(fmu *f) {
   int some = 0;
-  const int found = lmoc_turned_back(&f->e, &f->hops, t, f->before, f->x, which, f->at, f->turn);
-  if (found) return found == LMOC_TOO_LOW ? too_low(f, f->turn) : found;
-  for (int64_t k = 0; k < f->e.zeros; k++) some |= f->turn[k] != 0;
-  return some ? event(f, 0, t, 0, f->turn) : FMU_GOOD;
-}
-
-/* What happens to the discrete values; `which` (zeros,) as of `crossed`. */
-static int change(fmu *f, const double *which) {
-  const double t = f->now.time;
-  const int due = t >= f->now.next - lmoc_near_to(t);
-  const double instant = due ? f->now.next : t;
-  int some = 0, found;
-  if (fmu_look(f, t, f->x)) return FMU_NO_VALUE;
-  memcpy(f->before, f->x, f->model->states * sizeof(double));
-  for (int64_t k = 0; k < f->e.zeros; k++) f->at[k] = fmu_value(f, k);
-  if ((found = event(f, due, instant, which, 0))) return found;
-  f->now.next = lmoc_next_time(&f->e, instant, 0);
-  for (int64_t k = 0; k < f->e.zeros; k++) some |= which[k] != 0;
-  if (some) lmoc_leave_zero(&f->e, which);
-  return some && f->now.jumped ? come_back(f, which) : FMU_GOOD;
+  for (int64_t k = 0; k < f->e.zeros; k++) some |= f->which[k] != 0;
+  f->hops.begin = f->now.begin;
+  const int found = lmoc_events_after(&f->events, f->now.time, f->x, some);
+  return reported(f, found == LMOC_OVER ? lmoc_events_settle(&f->events, f->now.time, f->x) : found);
 }
 
 /* Carry out the discrete equations where a law has changed something. */
 static int answer(void *own, double time, double *x) {
   fmu *f = own;
   (void)time, (void)x; /* which stand in `f` */
-  return (f->failed = event(f, 0, f->now.time, 0, 0)) != FMU_GOOD;
+  return (f->failed = reported(f, lmoc_events_settle(&f->events, f->now.time, f->x))) != FMU_GOOD;
 }
 
 static int laws_happen(fmu *f) {
@@ -253,10 +219,10 @@ int fmu_happen(fmu *f) {
   if (f->now.ended || !(f->e.discrete || laws)) return FMU_GOOD;
   fmu_settle(f);
   fmu_law_given(f); /* what discrete values change now is a step for the laws */
-  if ((found = crossed(f, f->which)) || (found = cross(f, f->which)) || (found = laws_happen(f))) return found;
+  if ((found = crossed(f, f->which)) || (found = laws_happen(f))) return found;
   if (f->e.discrete) {
     memcpy(f->law_before, f->x, f->model->states * sizeof(double));
-    if ((found = change(f, f->which)) || (laws && (found = fmu_law_settle(f, answer)))) return found;
+    if ((found = change(f)) || (laws && (found = fmu_law_settle(f, answer)))) return found;
   }
   f->now.last_instant = f->now.time;
   if (f->now.jumped && f->model->loops.stages && (found = fmu_loops_stand(f))) return found;
@@ -269,58 +235,47 @@ int fmu_happen(fmu *f) {
 /* ------------------------------------------------------------------ the start, and assertions about the motion */
 
 /* Discrete variables with an equation at the start have that value, and have had it. */
-static void begin_with(fmu *f) {
+static int begin_with(lmoc_events *v, int first) {
+  fmu *f = v->owner;
   const fmu_events *m = &f->model->events;
   lmoc_instant *e = &f->e;
+  int found;
+  if (first) {
+    if ((found = e->look(e, f->now.time, f->x))) return found; /* which brings the parameters */
+    lmoc_remember(e);
+  }
   for (int64_t i = 0; i < e->discrete; i++) f->w[BEGIN][e->own[i]] = e->v[e->own[i]];
   for (int64_t i = 0; i < m->seen; i++) f->w[BEGIN][m->seen_registers[i]] = e->v[m->seen_registers[i]];
   lmoc_tape_run(f->now.time, f->w[BEGIN], f->tape + BEGIN);
   for (int64_t i = 0; i < m->begun; i++) e->v[m->begun_ones[i]] = f->w[BEGIN][m->begun_ones[i]];
+  return FMU_GOOD;
+}
+
+void fmu_ask_events(fmu *f) {
+  f->hops.motion = motion;
+  f->hops.step = INFINITY;
+  f->hops.span = f->model->span;
+  f->events.e = &f->e;
+  f->events.h = &f->hops;
+  f->events.next = &f->now.next;
+  f->events.initial = f->model->events.initial;
+  f->events.terminal = -1; /* nobody knows when the other side ends */
+  f->events.owner = f;
+  f->events.happened = happened;
+  f->events.equations = begin_with;
 }
 
 /* Discrete values that agree with each other and with the states. `for_good`: with the events of the start, else only to
    be looked at. */
 static int begin_discrete(fmu *f, int for_good) {
-  const fmu_events *m = &f->model->events;
   lmoc_instant *e = &f->e;
-  const double t = f->now.time;
-  double *before = e->history + LMOC_BEGUN*e->discrete;
-  int some = 0, found, changed = 1;
-  for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = m->start[i];
-  e->literal = 1;
+  for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = f->model->events.start[i];
   for (int64_t i = 0; i < f->model->jumps.early; i++) e->early[f->model->jumps.early_ones[i]] = 1;
-  if (m->initial >= 0) e->v[m->initial] = 1;
-  if ((found = e->look(e, t, f->x))) return found;  /* which brings the parameters */
-  lmoc_remember(e);
-  begin_with(f);
-  for (int round = 0; changed; round++) {
-    if (round == START_ROUNDS) return fmu_unsettled(f);
-    for (int64_t i = 0; i < e->discrete; i++) before[i] = e->v[e->own[i]];
-    memset(e->margin, 0, e->zeros * sizeof(double));
-    if ((found = lmoc_take(e, t, f->x))) return found;
-    for (int64_t i = 0; i < e->before; i++) if (!e->held[i]) e->v[e->past[i]] = e->v[e->now[i]];
-    begin_with(f);
-    lmoc_assign(e);
-    changed = 0;
-    for (int64_t i = 0; i < e->discrete; i++) changed |= lmoc_differ(before[i], e->v[e->own[i]]);
-  }
-  if (for_good) {
-    if ((found = lmoc_reinit(e, f->x, &some))) return found;
-    if (some) memcpy(f->x, e->moved, f->model->states * sizeof(double));
-  }
-  if (m->initial >= 0) e->v[m->initial] = 0;
-  lmoc_remember(e);
-  found = for_good ? lmoc_event(e, f->x) : lmoc_solve_instant(e, f->x);
-  if (found) return found == LMOC_UNSETTLED ? fmu_unsettled(f) : found;
-  lmoc_remember(e);
-  e->literal = 0;
+  const int found = lmoc_events_start(&f->events, f->now.time, f->x, !for_good);
+  if (found) return reported(f, found);
   fmu_changed(f);
-  if (!for_good) return FMU_GOOD;
-  f->now.last_instant = t;
-  f->now.next = lmoc_next_time(e, t, 1);
-  if (!(f->now.next <= t + lmoc_near_to(t))) return FMU_GOOD;
-  if ((found = crossed(f, f->which)) || (found = cross(f, f->which))) return found;
-  return change(f, f->which);
+  if (for_good) f->now.last_instant = f->now.time;
+  return FMU_GOOD;
 }
 
 int fmu_begin(fmu *f, int for_good) {

@@ -8,7 +8,7 @@
 
 #include "beside.h"
 #include "free_dynamics.h"
-#include "hops.h"
+#include "happen.h"
 #include "jump.h"
 #include "landing.h"
 #include "law_run.h"
@@ -168,6 +168,7 @@ typedef struct fmu {
   lmoc_instant e;
   lmoc_finder finder;
   lmoc_hops hops;
+  lmoc_events events;
   lmoc_law_run laws;
   lmoc_free_dynamics scene;
   lmoc_closures closures;
@@ -182,9 +183,9 @@ typedef struct fmu {
   double *loop_x;                               /* states at the last look at loops; and room */
   double *loop_moved, *loop_wanted, *loop_before, *loop_sizes, *loop_p;
   double *law_read, *law_before, *law_moved;
-  double *step, *before_event, *at_event;       /* values on both sides (`jumps.c`), and discrete ones */
+  double *step, *at_event;                      /* values on both sides (`jumps.c`), and discrete ones */
   lmoc_flag *law_which;                         /* (2 n,) */
-  double *work, *noise, *moved, *root, *which, *turn, *before, *at;
+  double *work, *noise, *moved, *root, *which, *before;
   int64_t doubles, pivot_count, orders;
   double *order;                                /* (orders,) of sparse factors, on their way to or from a saved state */
   int32_t *pivots;

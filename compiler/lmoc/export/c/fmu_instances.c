@@ -71,15 +71,16 @@ static int64_t place_memory(fmu *f) {
   TAKE(moved, 5*m->states);
   TAKE(root, 4*fmu_roots(f));
   TAKE(which, i->zeros);
-  TAKE(turn, i->zeros);
+  TAKE(events.turn, i->zeros);
+  TAKE(events.at, i->zeros);
+  TAKE(events.begun, m->states);
+  TAKE(events.held, i->discrete);
   TAKE(before, m->states);
-  TAKE(at, i->zeros);
   TAKE(hops.work, 4*m->states + 9*i->zeros);
   TAKE(law_read, 4*laws);
   TAKE(law_before, m->states);
   TAKE(law_moved, m->states);
   TAKE(step, fmu_jump_room(m));
-  TAKE(before_event, i->discrete);
   TAKE(at_event, i->discrete);
   total += fmu_loops_scratch(f, at ? at + total : 0);
   double *scratch;
@@ -87,6 +88,7 @@ static int64_t place_memory(fmu *f) {
   f->e.found = (int64_t *)scratch;
   f->law_which = (lmoc_flag *)(at ? at + total : 0), total += (2*laws + 7) / 8;
   f->e.moved = f->moved;
+  f->events.which = f->which;
   f->e.v = f->w[ASSIGN];
   f->e.line = f->w[LINES];
   f->e.assign = f->tape + ASSIGN;

@@ -7,23 +7,21 @@ again, until no event follows (Modelica specification 3.6, 8.6 and appendix B).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
-from lmoc.engine.hops import Hops
-from lmoc.engine.instant import SETTLED, Instant
+from lmoc.engine.instant import Instant
 from lmoc.engine.kernel import Kernel
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Kind
-from lmoc.numerics.events.happened import Happened, NotAState, Unsettled
+from lmoc.numerics.events.happened import Happened, NotAState
 from lmoc.numerics.events.layout import EventLayout, initial_values
 from lmoc.numerics.events.tables import PlanTables
 from lmoc.numerics.events.trials import prefer_regular
 from lmoc.numerics.limits import ULP
 from lmoc.numerics.observe.one_state import moved as moved_to
-from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.signals.signals import Signal
 
 _REMEMBERED = ("v", "zero", "margin", "largest", "high", "crossed", "early")
@@ -67,6 +65,7 @@ class DiscreteState:
         e.fill(values)
         self.v, self.zero, self.margin = e.v[: len(values)], e.zero, e.margin
         self._pushed: bytes | None = None
+        self._moving: bytes | None = None  # what `motion` has been made ready for
         self._bind_zeros = layout.zeros.binder()
         self._view: Kernel | None = None
         if layout.view is None:
@@ -287,50 +286,29 @@ class DiscreteState:
 
     # --------------------------------------------------------------------------- events
 
-    def event(self, t: float, x: np.ndarray, begin: Callable[[], object]) -> Happened:
-        """Carry out everything that happens at an instant.
-
-        Discrete values and continuous ones are solved in turn, as long as that leads somewhere. Where the values repeat
-        each other (a friction that would start forward if it were stuck, and backward if it slid), those of the
-        relations that flip are tried.
-
-        Parameters
-        ----------
-        begin : called when the values before the event have been kept, to set what the event itself changes
-
-        Raises
-        ------
-        Unsettled, NotAState
-        """
+    def stand_at(self, t: float) -> None:
+        """Be ready for an instant."""
         self.push()
-        self.look(t, x)
-        self.remember()
-        begin()
-        behind = x.copy()
-        self._judge(self.instant.call("lmoc_event", behind))
-        self.push()
+        self.inputs(t)
+        self._moving = None  # slices are shared
+
+    def happened(self) -> Happened:
+        """Return what is to be told of the latest event."""
         told = [self._own.told(k) for k in self.instant.told()]
         whens, ended, broken = ([own for kind, own in told if kind == one] for one in range(3))
         first = {number: row for number, row in reversed(broken)}
         return Happened(
-            behind if self.instant.data.jumped else x, tuple(whens), tuple(k for k, _ in ended),
+            tuple(whens), tuple(k for k, _ in ended),
             tuple((k, first[k]) for k in dict.fromkeys(number for number, _ in broken)),
         )  # fmt: skip
 
-    def _judge(self, found: int) -> None:
-        if found == SETTLED:
-            return
+    def unsettled(self) -> np.ndarray:
+        """Return variables that keep changing, where no values satisfy all equations."""
         events, changed = self.layout.events, self.instant.changed > 0
         now, before = events.before
         keeps = np.isin(now, events.discrete) & (self.v[now] != self.v[before])
         targets = [events.discrete[changed], now[keeps], *(r.target for r in events.reinits)]
-        raise Unsettled(next(one for one in targets if len(one)))
-
-    def reinit(self, t: float, x: np.ndarray) -> np.ndarray | None:
-        """Return the states with the values that `reinit` gives them; None where it gives none."""
-        self.time, some = t, np.zeros(1, np.int32)
-        self.instant.call("lmoc_reinit", x, some)
-        return self.instant.moved.copy() if some[0] else None
+        return next(one for one in targets if len(one))
 
     def _move(self, x: np.ndarray, reinit: int, wanted: float, moved: np.ndarray) -> bool:
         """Change the state that a variable of a `reinit` follows from."""
@@ -353,41 +331,17 @@ class DiscreteState:
         """
         return float(self.instant.call("lmoc_next_time", t, include))
 
-    def ring(self, t: float) -> None:
-        """Set the variables of `sample` whose instant this is."""
-        self.instant.call("lmoc_ring", t)
-
-    # ----------------------------------------------------------------------------- hops
-
-    def look_along(self, hops: Hops, outcome: Outcome) -> None:
-        """Look along the motion with the present discrete values."""
-        layout, base, signals = self.layout, self.base, self.signals
-        prepared: list[bool] = []
-
-        def motion(t: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            if not prepared:
-                layout.rates.prepare(base, signals)
-                layout.zeros.prepare(base, signals)
-                prepared.append(True)
-            return layout.rates(t, x).copy(), layout.zeros(t, x)
-
-        self.push()
-        hops.look(self.instant, outcome.step, motion)
-
     # ---------------------------------------------------------------------------- roots
 
-    def turn(self, which: np.ndarray) -> None:
-        """Let relations change whose functions are about to cross zero, or the next whole number.
-
-        Parameters
-        ----------
-        which : (zeros,) 1 for those that do, 2 for rounded ones that come to the number above
-        """
-        self.instant.call("lmoc_turn_early", which)
-
-    def crossed(self, which: np.ndarray) -> None:
-        """Take note that functions have crossed zero: until they have left it, rounding does not bring them back."""
-        self.instant.call("lmoc_leave_zero", which)
+    def motion(self, t: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rates of the states and the zero functions, with the present discrete values."""
+        layout = self.layout
+        self.push()
+        if self._moving is not self._pushed:
+            layout.rates.prepare(self.base, self.signals)
+            layout.zeros.prepare(self.base, self.signals)
+            self._moving = self._pushed
+        return layout.rates(t, x).copy(), layout.zeros(t, x)
 
     @property
     def crossing(self) -> np.ndarray:

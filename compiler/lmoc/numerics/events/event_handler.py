@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lmoc.engine.event_walk import OVER, START, TERMINAL, TIME, TOO_LOW, TOO_OFTEN, WHEN, EventWalk
+from lmoc.engine.instant import SETTLED
 from lmoc.expression.dag import slots
 from lmoc.ir.events import Events
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, Subject
-from lmoc.numerics.events.chatter import Crossings, where
-from lmoc.numerics.events.closeness import near_to
-from lmoc.numerics.events.discrete_state import DiscreteState, differ
-from lmoc.numerics.events.happened import Happened, NotAState, Unsettled
+from lmoc.numerics.events.chatter import too_low, too_often, where
+from lmoc.numerics.events.closeness import located, near_to
+from lmoc.numerics.events.discrete_state import DiscreteState
+from lmoc.numerics.events.happened import Happened, NotAState
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import moving_relations
 from lmoc.numerics.events.trials import leave_fold
@@ -28,12 +30,12 @@ from lmoc.numerics.signals.signals import Constant, Signal
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.change import RunState
 
-_ROUNDS = 50  # of finding states and discrete values at the start that agree
 _PHASE = 200.0  # rad, that a sine in a condition goes on in a step at most
 _LOOKS = 120  # steps at least in a run with relations of time that are not linear in it
+_KINDS = {WHEN: "when", START: "when", TIME: "time", TERMINAL: "terminal"}
 
 Step = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # as `stepping.Stepping`
-HandlerMemory = tuple[EventLayout, dict[str, np.ndarray], tuple[np.ndarray, np.ndarray, float], float]
+HandlerMemory = tuple[EventLayout, dict[str, np.ndarray], tuple[np.ndarray, np.ndarray, float, float]]
 Starter = Callable[[np.ndarray], np.ndarray]  # (registers that do not change) -> states at the start
 
 
@@ -42,13 +44,16 @@ def held(events: Events) -> dict[int, Signal]:
     return {int(v): Constant(0.0) for v in events.discrete}
 
 
+class _NoStart(Exception):
+    """The report says why there are no states."""
+
+
 class EventHandler:
     """The events of one run.
 
     Attributes
     ----------
     discrete : the discrete values
-    next : s, the next time event
     records : what has happened so far
     """
 
@@ -68,19 +73,25 @@ class EventHandler:
         self.begin, self.end = span
         self.report = report
         self.records: list[Event] = []
-        self.next = np.inf
-        self._crossings = Crossings(self.layout.zero_count, *span)
+        self._walk = EventWalk(self.layout.zero_count, *span)
+        self._bind()
+
+    def _bind(self) -> None:
+        """Go on with the memory of the discrete values."""
+        flags = self.layout.events.initial, self.layout.events.terminal
+        self._walk.bind(self.discrete.instant, flags, self.discrete.motion, self._happened, self._fold)
 
     def adopt(self, plan: Plan, base: np.ndarray, t: float, x: np.ndarray) -> None:
         """Go on in other coordinates of the same model; parameters as of `HybridDynamics.adopt`."""
         self.layout = plan.once(EventLayout)
         self.discrete.adopt(self.layout, base)
+        self._bind()
         self.discrete.push()
         self.discrete.look(t, x)
 
     def memory(self) -> HandlerMemory:
         """Return what decides about the next instant, for `recall`."""
-        return self.layout, self.discrete.memory(), self._crossings.memory(), self.next
+        return self.layout, self.discrete.memory(), self._walk.memory()
 
     def recall(
         self, memory: HandlerMemory, values: np.ndarray, base: np.ndarray, change: np.ndarray, since: float
@@ -94,16 +105,17 @@ class EventHandler:
         change : (discrete,) what is added to the discrete values
         since : s, a time between this instant and the one before it
         """
-        layout, discrete, crossings, self.next = memory
+        layout, discrete, walk = memory
         if layout is not self.layout:
             self.layout = layout
             self.discrete.adopt(layout, base)
+            self._bind()
         self.discrete.base[: len(base)] = base
         self.discrete.recall(discrete, values, change)
-        self._crossings.recall(crossings)
+        self._walk.recall(walk)
         self.records = []
         if np.isfinite(self.next):
-            self.next = self.discrete.next_time(since)
+            self._walk.next = self.discrete.next_time(since)
 
     # ------------------------------------------------------------------------ the start
 
@@ -121,56 +133,44 @@ class EventHandler:
             if initial.crossing is not None:
                 discrete.crossing = initial.crossing
             discrete.push()
-            x = states(discrete.base)
-        else:
-            for name, value in initial.items():
-                variables = self.layout.flat.find(name)
-                if self.layout.flat.kind[variables[0]] == Kind.DISCRETE:
-                    discrete.v[variables] = value
-            discrete.remember()
-            if near is not None:
-                discrete.suppose(near.observer.plan.reduced.register_of, near.w)
-            discrete.take_early(moving_relations(self.layout.plan))
-            x = self._first(states)
+            return self._go_on(states(discrete.base), initial)
+        for name, value in initial.items():
+            variables = self.layout.flat.find(name)
+            if self.layout.flat.kind[variables[0]] == Kind.DISCRETE:
+                discrete.v[variables] = value
+        discrete.remember()
+        if near is not None:
+            discrete.suppose(near.observer.plan.reduced.register_of, near.w)
+        discrete.take_early(moving_relations(self.layout.plan))
+        return self._first(states)
+
+    def _go_on(self, x: np.ndarray, end: End) -> np.ndarray:
+        """Return the states where a run goes on at the end of another one, which has done what happens there."""
+        discrete, begin, walk = self.discrete, self.begin, self._walk
         discrete.literal = False
         discrete.remember()
-        done = isinstance(initial, End) and abs(initial.time - self.begin) <= near_to(self.begin)
-        self.next = discrete.next_time(self.begin, include=not done)
-        if self.next <= self.begin + near_to(self.begin):
-            return self._event(self.begin, x, "time")
-        return x
+        walk.next = discrete.next_time(begin, include=abs(end.time - begin) > near_to(begin))
+        return self.settle(begin, x) if walk.next <= begin + near_to(begin) else x
 
     def _first(self, states: Starter) -> np.ndarray:
-        discrete, events = self.discrete, self.layout.events
-        moving, past = events.before[:, ~np.isin(events.before[0], events.discrete)]
-        self._flag(events.initial, 1.0)
-        self._initial_equations(first=True)
-        for _ in range(_ROUNDS):
-            before = discrete.v[events.discrete].copy()
+        """Return the states behind the start, which C finds with the discrete values (``engine/c/happen.c``)."""
+        x, discrete = np.zeros(len(self.layout.plan.states)), self.discrete
+
+        def found() -> np.ndarray:
             discrete.push()
             x = states(discrete.base)
             if self.report.errors:
-                return x
-            discrete.margin[:] = 0.0  # nothing has crossed zero yet: what is exactly zero is that
-            discrete.look(self.begin, x)
-            discrete.v[past] = discrete.v[moving]
-            self._initial_equations()
-            discrete.assign()
-            changed = differ(before, discrete.v[events.discrete])
-            if not changed.any():
-                break
-        else:
-            raise self._unsettled(Unsettled(events.discrete[changed]), self.begin)
-        moved = self._guarded(lambda: discrete.reinit(self.begin, x), self.begin)
-        self._flag(events.initial, 0.0)
-        discrete.remember()
-        x = x if moved is None else moved
-        happened = self._guarded(lambda: discrete.event(self.begin, x, lambda: None), self.begin)
-        self._report(self.begin, "when", happened, discrete.v[self._told].copy(), 0.0)
-        self._warn_of_lost(self.begin)
-        return happened.x
+                raise _NoStart
+            discrete.inputs(self.begin)
+            return x
 
-    def _initial_equations(self, first: bool = False) -> None:
+        try:
+            self._asked(self.begin, lambda: self._walk.start(self.begin, x, found, self._initial_equations))
+        except _NoStart:
+            pass
+        return x
+
+    def _initial_equations(self, first: bool) -> None:
         """Discrete variables with an equation at the start have had that value, and have it where no `when` gives more.
 
         Those that read continuous variables wait until there are some.
@@ -190,6 +190,11 @@ class EventHandler:
     # ------------------------------------------------------------------------- the way
 
     @property
+    def next(self) -> float:
+        """s, of the next time event."""
+        return self._walk.next
+
+    @property
     def until(self) -> float:
         """s, where the present segment ends at the latest."""
         return min(self.next, self.end)
@@ -199,7 +204,7 @@ class EventHandler:
         """Return what ends the present segment earlier."""
         if not self.layout.zero_count:
             return None
-        return Roots(self.discrete.roots, self.discrete.signs(), quiet=self.discrete.quiet, soon=self._crossings.soon)
+        return Roots(self.discrete.roots, self.discrete.signs(), quiet=self.discrete.quiet, soon=self._walk.soon)
 
     @property
     def is_over(self) -> bool:
@@ -219,27 +224,20 @@ class EventHandler:
         ------
         Stopped
         """
-        t, x = outcome.time, outcome.x
-        if outcome.status is Status.ROOT:
+        t, walk, x, folds = outcome.time, self._walk, outcome.x.copy(), False
+        is_root = outcome.status is Status.ROOT
+        if is_root:
             crossed, upwards = self._crossed(outcome.roots)
-            which = np.zeros(self.layout.zero_count)
-            which[crossed] = np.where(upwards, 2.0, 1.0)
-            self._crossings.cross(self.discrete, outcome, which)
-            at = self.discrete.zeros(np.array([t]), x[None])[0]
-            returning = self._crossings.returning(t, crossed)
+            walk.which[:] = 0.0
+            walk.which[crossed] = np.where(upwards, 2.0, 1.0)
+            self._returning = crossed[t - walk.times[crossed, -1] <= located(t, self.begin)]
+            folds = bool(len(self._returning))
+        found = self._asked(t, lambda: walk.after(t, x, is_root, outcome.step, folds))
+        return None if found == OVER else x
 
-            def turn() -> None:
-                if not len(returning) or not leave_fold(self.discrete, t, x, returning):
-                    self.discrete.turn(which)
-
-            behind = self._event(t, x, "when", turn)
-            self.discrete.crossed(which)
-            return behind if behind is x else self._leave(outcome, behind, which, at)
-        if t >= self.next - near_to(t):
-            return self._event(t, x, "time")
-        if self.layout.events.terminal >= 0 and self.discrete.v[self.layout.events.terminal] == 0:
-            return self._event(t, x, "terminal")
-        return None
+    def _fold(self, t: float, x: np.ndarray) -> bool:
+        """Take other values of relations that cross zero again at an instant, if there are any."""
+        return leave_fold(self.discrete, t, x, self._returning)
 
     def _crossed(self, roots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the zero functions whose root functions vanish, and of rounded ones whether at their upper edge."""
@@ -252,70 +250,59 @@ class EventHandler:
         """Return the next time event where it is as near to a time as that, else the time."""
         return self.next if abs(self.next - t) <= near else t
 
-    def _leave(self, outcome: Outcome, x: np.ndarray, which: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Let conditions at zero change back where the jump of states sends them to the side they came from."""
-        back = self._crossings.turned_back(self.discrete, outcome, x, which, at)
-        if not len(back):
-            return x
-
-        def turn() -> None:
-            targets = self.layout.zero_target[back]
-            self.discrete.v[targets] = 1.0 - self.discrete.v[targets]
-
-        return self._event(outcome.time, x, "when", turn)
-
     def settle(self, t: float, x: np.ndarray) -> np.ndarray:
-        """Do what follows from a change of the continuous equations at an instant. Raises as `after`."""
-        return self._event(t, x, "when")
+        """Return the states behind what follows from a change of the equations at an instant. Raises as `after`."""
+        moved = x.copy()
+        self._asked(t, lambda: self._walk.settle(t, moved))
+        return moved
 
-    def _event(self, t: float, x: np.ndarray, kind: str, change: Callable[[], None] | None = None) -> np.ndarray:
-        discrete, events = self.discrete, self.layout.events
-        held, base = discrete.v[self._told].copy(), discrete.base.copy()
-        discrete.time = t
-        due = t >= self.next - near_to(t)  # also where something else has ended the segment at the same instant
-        kind = "time" if due and kind == "when" else kind
-        instant = self.next if due else t
+    def _asked(self, t: float, call: Callable[[], int]) -> int:
+        """Have C carry out what happens; say by `Stopped` why nothing is known behind it."""
+        self.discrete.stand_at(t)
+        self._base = self.discrete.base.copy()
+        try:
+            found = call()
+        except NotAState as wrong:
+            raise Stopped(Status.UNSETTLED, wrong.reason(self.layout)) from None
+        if found in (SETTLED, OVER):
+            return found
+        if found == TOO_OFTEN:
+            raise too_often(self._walk, self.layout, t)
+        raise too_low(self._walk, self.layout) if found == TOO_LOW else self._unsettled(self.discrete.unsettled(), t)
 
-        def begin() -> None:
-            if due:
-                discrete.ring(instant)
-            if kind == "terminal":
-                self._flag(events.terminal, 1.0)
-            if change is not None:
-                change()
-
-        happened = self._guarded(lambda: discrete.event(t, x, begin), t)
-        self.next = discrete.next_time(instant)
-        lost = self._energy(t, x, happened)
-        count = self.layout.plan.count  # behind them are zero functions, which are no part of the motion
-        behind = self.step(t, happened.x, base[:count], discrete.base[:count])
+    def _happened(self, t: float, x: np.ndarray) -> bool:
+        """Book an event that C has carried out, and tell of it."""
+        discrete, walk, told = self.discrete, self._walk, self._told
+        discrete.push()
+        before, self._base, held, lost = self._base, discrete.base.copy(), discrete.v[told].copy(), 0.0
+        if walk.data.kind != START:
+            held = walk.held[np.searchsorted(self.layout.events.discrete, told)]
+            lost = self._energy(t, x) if walk.data.jumped else 0.0
+            count = self.layout.plan.count  # behind them are zero functions, which are no part of the motion
+            given = x.copy()
+            behind = self.step(t, given, before[:count], discrete.base[:count])
+            if behind is not given:
+                x[:], walk.data.jumped = behind, 1
+        discrete.inputs(t)
         self._warn_of_lost(t)
-        self._report(t, kind, happened, held, lost)
-        return behind
+        self._report(t, _KINDS[walk.data.kind], discrete.happened(), held, lost)
+        return True
 
-    def _energy(self, t: float, x: np.ndarray, happened: Happened) -> float:
-        """Book what energy the jump of states has cost as heat, what it has brought as work; return the loss."""
+    def _energy(self, t: float, x: np.ndarray) -> float:
+        """Book what energy a jump to states has cost as heat, what it has brought as work; return the loss."""
         layout, discrete = self.layout, self.discrete
         work, heat = layout.plan.accounts
-        if happened.x is x or work < 0:
+        if work < 0:
             return 0.0
         stored = layout.flat.find("ledger.stored")[0]
         if stored not in layout.seen:
             return 0.0
-        before, after = (discrete.seen(t, one, stored) for one in (x, happened.x))
+        before, after = (discrete.seen(t, one, stored) for one in (self._walk.begun, x))
         lost = before - after
         if np.isfinite(lost):
-            happened.x[heat if lost > 0 else work] += abs(lost)
+            x[heat if lost > 0 else work] += abs(lost)
             lost = max(lost, 0.0)
         return lost
-
-    def _guarded(self, work, t: float):
-        try:
-            return work()
-        except Unsettled as unsettled:
-            raise self._unsettled(unsettled, t) from None
-        except NotAState as wrong:
-            raise Stopped(Status.UNSETTLED, wrong.reason(self.layout)) from None
 
     # --------------------------------------------------------------------- what is reported
 
@@ -371,10 +358,10 @@ class EventHandler:
         message = f"{flat.variable_name(first)} has no finite value ({self.discrete.v[first]:g}) at t = {t:g} s"
         self.report.warning("W0537", message, flat.block_at(first).span, subject=Subject.NOT_FINITE)
 
-    def _unsettled(self, unsettled: Unsettled, t: float) -> Stopped:
+    def _unsettled(self, variables: np.ndarray, t: float) -> Stopped:
         flat = self.layout.flat
-        names = [flat.variable_name(int(v)) for v in unsettled.variables[:3]]
-        spans = [flat.block_at(int(v)).span for v in unsettled.variables[:3]]
+        names = [flat.variable_name(int(v)) for v in variables[:3]]
+        spans = [flat.block_at(int(v)).span for v in variables[:3]]
         places = " and ".join(dict.fromkeys(where(n, s) for n, s in zip(names, spans, strict=True)))
         do = "changes" if len(names) == 1 else "change"
         reason = f"no values satisfy all equations at t = {t:g} s: {places} {do} again and again"
@@ -399,7 +386,8 @@ def told_variables(plan: Plan) -> np.ndarray:
         columns = sorted({leaf.value[0] for side in (group.left, group.right) for leaf in slots(side)})
         used[group.slots[:, columns]] = True
     every = np.concatenate([*targets, np.zeros(0, int)])
-    return np.concatenate([every[used[every]], *(b.offset + np.arange(b.size) for b in own)]).astype(int)
+    found = np.concatenate([every[used[every]], *(b.offset + np.arange(b.size) for b in own)]).astype(int)
+    return found[np.isin(found, flat.events.discrete)]
 
 
 def _shown(quantity: str, value: float) -> str:

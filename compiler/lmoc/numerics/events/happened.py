@@ -9,19 +9,6 @@ from lmoc.numerics.observe.one_state import why_not
 from lmoc.support.records import dataclass
 
 
-class Unsettled(Exception):
-    """No values of the discrete variables satisfy all equations, or events follow each other without end.
-
-    Attributes
-    ----------
-    variables : those that keep changing
-    """
-
-    def __init__(self, variables: np.ndarray) -> None:
-        super().__init__()
-        self.variables = variables
-
-
 class NotAState(Exception):
     """A `reinit` of a variable that does not follow from one state alone, or not so far.
 
@@ -49,13 +36,11 @@ class Happened:
 
     Attributes
     ----------
-    x : states behind it
     whens : (when-clause, row) of each branch that was carried out, in order
     terminations : those whose guard was true
     broken : (check of the flat model, row) of those that belong to events and did not hold
     """
 
-    x: np.ndarray
     whens: tuple[tuple[int, int], ...]
     terminations: tuple[int, ...]
     broken: tuple[tuple[int, int], ...]

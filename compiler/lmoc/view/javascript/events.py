@@ -61,21 +61,17 @@ class _Events:
             "initialEquations": initial,
             "jumps": needed_steps(plan.full_program, np.array(jumping, int), plan.count),
         }
-        before = self.of(events.before)
         data = {
             "discrete": self.of(events.discrete).tolist(),
-            "unheld": before[:, ~np.isin(events.before[0], events.discrete)].T.tolist(),
             "texts": [self.layout.relation_at(k).text for k in range(self.layout.zero_count)],
             "news": news,
             "initialEquations": initial_data,
-            "initial": self.single(events.initial),
-            "terminal": self.single(events.terminal),
             "jumping": [plan.reduced.register_name(int(r)) for r in jumps.registers],
             "told": self.told(),
             "looksAtTime": self.layout.looks_at_time,
         }
         stored = plan.stored if events.reinits else -1, *plan.accounts, plan.stored if jumps.stored else -1
-        single = self.single(events.terminal), *stored
+        single = self.single(events.initial), self.single(events.terminal), *stored
         seen = np.concatenate([NONE, *(plan.reduced.register_of[r.target] for r in events.reinits)])
         return programs, data, InstantTables(self.zeros, seen, single, jumps.registers, jumps.moving, tables.columns)
 

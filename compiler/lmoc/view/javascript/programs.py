@@ -35,15 +35,15 @@ class InstantTables:
     Attributes
     ----------
     zeros, seen : registers of the zero functions, and of the variables that `reinit` sets
-    single : registers of `terminal()` and of the stored energy where a jump of states changes it; which states of the
-        ledger are work and heat; the register of the stored energy where a step changes it; -1 for none
+    single : registers of `initial()`, `terminal()` and of the stored energy where a jump of states changes it; which
+        states of the ledger are work and heat; the register of the stored energy where a step changes it; -1 for none
     steps, moving : registers of what may step, and whether the motion needs their derivatives
     columns : as of `numerics.events.tables.Tables`
     """
 
     zeros: np.ndarray
     seen: np.ndarray
-    single: tuple[int, int, int, int, int]
+    single: tuple[int, int, int, int, int, int]
     steps: np.ndarray
     moving: np.ndarray
     columns: dict[str, np.ndarray]

@@ -1,85 +1,78 @@
-// The events of a run: when the next one comes, its effect, and its record, as `numerics/events/event_handler.py`.
+// The events of a run: when the next one comes, and its record, as `numerics/events/event_handler.py`. The engine carries them
+// out (`engine/c/page_events.c`). All variables stand in the registers of the scene, the continuous ones as last looked at.
 
-import { DiscreteState, nearTo } from "./discrete_state.js";
 import { Stopped } from "./stopped.js";
 
-const START_ROUNDS = 50; // of finding states and discrete values at the start that agree
+const [SETTLED, NO_VALUE, , UNSETTLED] = [0, 1, 2, 3]; // what an instant comes to, as `engine/c/instant.h` has it
+const CULPRIT = 100; // and more: which condition switches back and forth
 const LEAST_LOOKS = 120; // steps at least in a run with relations of time that are not linear in it
-const BEGINS = 4; // what changes at an instant, as `engine/c/page_scene.h` has it
-const KINDS = ["when", "time", "terminal"];
+const KINDS = ["when", "time", "terminal", "when"]; // as `engine/c/happen.h` has it
+
+/** A distance in time that does not count: some units of the last digit. */
+export const nearTo = (t) => 4e-15 * Math.max(Math.abs(t), 1e-300);
 
 export class EventHandler {
   constructor(scene) {
-    const { data } = scene;
-    Object.assign(this, { scene, own: data.events, begin: data.begin, end: data.end });
-    this.discrete = new DiscreteState(scene);
+    const { data, programs } = scene;
+    const { exports, page } = programs;
+    Object.assign(this, { scene, programs, exports, page, own: data.events, begin: data.begin, end: data.end });
     this.places = this.own.told.map(({ register }) => this.own.discrete.indexOf(register));
     this.records = [];
+    for (const register of this.own.discrete) scene.w[register] = 0;
+    scene.functions.discreteStarts(data.begin);
+    exports.lmoc_page_begin_events(page, data.begin, data.end - data.begin);
   }
 
   /** States and discrete values that agree, behind what happens at the start. `states()` finds the states. */
   start(states) {
-    const { discrete, begin } = this;
-    let x = this.firstStates(states);
-    discrete.literal = false;
-    discrete.remember();
-    if (discrete.nextTime(begin, true) > begin + nearTo(begin)) return x;
-    return this.happened(begin, discrete.ask("event", begin, x));
+    const { programs, exports, page, begin } = this;
+    programs.states = states;
+    programs.equations = (first) => this.initialEquations(first);
+    exports.lmoc_page_start_events(page, begin);
+    programs.checked(0);
+    return Float64Array.from(programs.answer);
   }
 
-  firstStates(states) {
-    const { discrete, own, begin } = this;
+  initialEquations(first) {
     const { w, functions } = this.scene;
-    this.flag(own.initial, 1);
-    const initialEquations = (first) =>
-      own.initialEquations.forEach(({ waits, same }, k) => {
-        if (first && waits) return;
-        functions.initialEquations[k](begin);
-        if (first) for (const [past, now] of same) w[now] = w[past];
-      });
-    initialEquations(true);
-    let x;
-    for (let round = 0, changed = true; changed; round++) {
-      if (round === START_ROUNDS) throw new Stopped("no states and discrete values agree at the start");
-      const before = discrete.all();
-      x = states();
-      discrete.look(begin, x);
-      for (const [now, past] of own.unheld) w[past] = w[now];
-      initialEquations(false);
-      discrete.assign();
-      changed = discrete.all().some((v, k) => v !== before[k] && !(Number.isNaN(v) && Number.isNaN(before[k])));
-    }
-    x = discrete.reinit(begin, x) ?? x;
-    this.flag(own.initial, 0);
-    discrete.remember();
-    return discrete.outcome(discrete.ask("event", begin, x, BEGINS), begin).x;
-  }
-
-  flag(register, value) {
-    if (register >= 0) this.scene.w[register] = value;
+    this.own.initialEquations.forEach(({ waits, same }, k) => {
+      if (first && waits) return;
+      functions.initialEquations[k](this.begin);
+      if (first) for (const [past, now] of same) w[now] = w[past];
+    });
   }
 
   /** s, where the present piece ends at the latest. */
   get until() {
-    return Math.min(this.discrete.next, this.end);
+    return Math.min(this.exports.lmoc_page_happened(this.page, 0), this.end);
   }
 
   get longestStep() {
     return this.own.looksAtTime ? (this.end - this.begin) / LEAST_LOOKS : Infinity;
   }
 
-  /** Tell of what the engine has carried out; the states behind it. */
+  judge(found, t) {
+    if (found === SETTLED) return;
+    const at = `t = ${t.toPrecision(6)} s`;
+    if (found < 0) throw new Stopped(`'${this.own.jumping[-1 - found]}' jumps at ${at}, and the motion needs its derivative, which is an impulse there`);
+    if (found >= CULPRIT) throw new Stopped(`'${this.own.texts[found - CULPRIT]}' switches back and forth at ${at}`);
+    if (found === UNSETTLED) throw new Stopped(`no values satisfy all equations at ${at}`);
+    if (found === NO_VALUE) throw new Stopped(`the run stops at ${at}: the equations have no solution there`);
+    throw new Stopped(`what is given a new value by reinit at ${at} is no state, and follows from more than one`);
+  }
+
+  /** Tell of what the engine has carried out. */
   happened(t, found) {
-    const { discrete, own } = this;
-    const happened = discrete.outcome(found, t);
-    const kind = KINDS[happened.kind];
-    const news = happened.told.map((k) => own.news[k]);
-    this.tell(t, kind, news.filter(({ when }) => when), happened.before, happened.lost);
+    const { exports, page, own, programs } = this;
+    this.judge(found, t);
+    const before = new Float64Array(programs.buffer, exports.lmoc_page_before(page), own.discrete.length);
+    const news = Array.from({ length: exports.lmoc_page_told_count(page) }, (_, k) => own.news[exports.lmoc_page_told_of(page, k)]);
+    const [kind, lost] = [1, 2].map((which) => exports.lmoc_page_happened(page, which));
+    this.tell(t, KINDS[kind], news.filter(({ when }) => when), before, lost);
     const broken = news.find(({ error }) => error);
     if (broken) throw new Stopped(`an assertion does not hold: ${broken.message} (t = ${t.toPrecision(6)} s)`);
     const end = news.find(({ ends }) => ends);
     if (end) throw new Stopped(end.message, false);
-    return happened.x;
   }
 
   tell(t, kind, whens, before, loss) {

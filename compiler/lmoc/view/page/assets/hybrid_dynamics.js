@@ -48,7 +48,9 @@ export class HybridDynamics {
 
   /** The states at the start, behind what happens there. `states()` finds the states of the model. */
   start(states) {
-    const { begin } = this.scene.data;
+    const { data, programs } = this.scene;
+    const { begin } = data;
+    Object.assign(programs, { dynamics: this });
     let x = this.handler === null ? states() : this.handler.start(states);
     this.collect();
     if (this.laws === null) return x;
@@ -84,7 +86,6 @@ export class HybridDynamics {
   /** Let laws and discrete equations answer each other until nothing changes, from states. */
   settle(t, x) {
     const { programs } = this.scene;
-    Object.assign(programs, { dynamics: this });
     programs.x.set(x);
     this.laws.judge(t, programs.exports.lmoc_page_settle(programs.page, t));
     return Float64Array.from(programs.answer);

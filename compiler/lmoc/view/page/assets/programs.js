@@ -7,7 +7,12 @@ const FAILED = 1; // a bit of what a program returns: a nonlinear block has no s
 /** `engine` is compiled; `w` are the registers; `x`, `answer` and `atol` are as long as the state. */
 export class Programs {
   constructor(engine, code, stateCount) {
-    const host = { laws: () => this.dynamics.tellLaws(), event: (found) => this.dynamics.tellEvent(found) };
+    const host = {
+      laws: () => this.dynamics.tellLaws(),
+      event: (found) => this.dynamics.tellEvent(found),
+      states: () => this.answer.set(this.states()),
+      equations: (first) => this.equations(first),
+    };
     const { exports } = new WebAssembly.Instance(engine, { host });
     exports._initialize();
     const bytes = decodeBytes(code);

@@ -1,7 +1,7 @@
 // A run in the page: start, integrate from kink to kink and from event to event, observe.
 
 import { Watch } from "./coordinates.js";
-import { nearTo } from "./discrete_state.js";
+import { nearTo } from "./event_handler.js";
 import { Steps } from "./steps.js";
 import { Stopped } from "./stopped.js";
 

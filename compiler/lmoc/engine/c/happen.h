@@ -1,0 +1,37 @@
+/* The events of a run on its way: its start, what follows where a segment has ended, and where laws have changed something. */
+
+#ifndef LMOC_HAPPEN_H
+#define LMOC_HAPPEN_H
+
+#include "hops.h"
+
+/* Behind what hops come to: conditions switch too often within a moment; and there is nothing left to happen. */
+enum { LMOC_TOO_OFTEN = 17, LMOC_OVER = -2 };
+enum { LMOC_WHEN, LMOC_TIME, LMOC_TERMINAL, LMOC_START };  /* what an event is called */
+
+/* What it stands at, and who is asked: functions return 0, or what the instant comes to. */
+typedef struct lmoc_events {
+  lmoc_instant *e;
+  lmoc_hops *h;
+  int64_t initial, terminal;        /* places of initial() and terminal(), -1 where there is none */
+  double *next;                     /* s, of the next time event */
+  double *begun, *held;             /* (states,), (discrete,) before the latest event */
+  double *which, *turn, *at;        /* (zeros,) that cross zero, 2: upwards; that turn back; what they are before that */
+  int64_t kind, jumped, culprit;    /* of that event; whether it has moved the states; which function is to blame */
+  void *owner;
+  int (*happened)(struct lmoc_events *v, double time, double *x);  /* book and tell; where x moves on, `jumped` is to say so */
+  int (*states)(struct lmoc_events *v, double *x);    /* those that discrete values lead to at the start; 0: as they are */
+  int (*equations)(struct lmoc_events *v, int first); /* values of discrete variables with an equation at the start */
+  int (*fold)(struct lmoc_events *v, double time, double *x); /* values for those that cross again, LMOC_UNSETTLED: as others; or 0 */
+} lmoc_events;
+
+/* States and discrete values that agree, and what happens at the start. `tried`: nothing happens, they only agree. */
+int lmoc_events_start(lmoc_events *v, double time, double *x, int tried);
+
+/* What happens where a segment has ended: because functions have crossed zero, `which`, or else at its time. */
+int lmoc_events_after(lmoc_events *v, double time, double *x, int crossed);
+
+/* What follows from a change of the continuous equations. */
+int lmoc_events_settle(lmoc_events *v, double time, double *x);
+
+#endif
