@@ -10,11 +10,11 @@ from oracles.models import compiled
 from oracles.node import needs_node
 
 import lmoc
-from lmoc.view.javascript.script import NotWritten, write_script
+from lmoc.view.javascript.script import write_script
 from lmoc.view.javascript.sliders import sliders
 
 MODELS = Path(__file__).parents[2] / "models"
-LEFT_OUT = {"bungee_jump", "wagons", "h20_road_step"}  # looked at on its own; takes long; is not computed by the page
+LEFT_OUT = {"bungee_jump", "wagons"}  # looked at on its own; takes long
 WITH_LAWS = [f for f in sorted((MODELS / "laws").glob("*.lmo")) if f.stem not in LEFT_OUT]
 WITH_LAWS += [MODELS / "notes" / f"{name}.lmo" for name in ("ex08_slack_cable", "fig6_slack_string")]
 
@@ -88,9 +88,53 @@ def test_friction_between_springs():
     assert {e.kind for _, run, _ in found for e in run.events} >= {"slip", "stick", "impact"}
 
 
-def test_a_step_that_makes_velocities_jump_is_not_computed():
-    with pytest.raises(NotWritten, match="makes velocities jump"):
-        write_script(compiled(MODELS / "laws" / "h20_road_step.lmo").simulate().trajectory)
+STEPS = """
+model Steps "the road steps by a clock, and by a table: what is closed passes it on, strikes, slips"
+  parameter Real h(unit = "m") = 0.03, F(unit = "N") = 0.4;
+  input Real u(unit = "m");
+  discrete Real z(start = 0, fixed = true, unit = "m");
+  Real age(start = 0, fixed = true);
+  discrete Real last(start = 0, fixed = true);
+  Motion road(q = u + z);
+  SpringDamper d(k = 200, c = 20);
+  Mass m(m = 2, q(start = 0, fixed = true), v(start = 0, fixed = true));
+  Stop s(L = -0.05, e = 0.5);
+  Fixed wall(q0 = 0.05), left;
+  DryFriction f(F = F);
+equation
+  der(age) = 1;
+  when sample(0.3, 0.5) then z = pre(z) + h; end when;
+  when terminal() then last = age; end when;
+  connect(road.flange, d.a); connect(d.b, m.flange);
+  connect(wall.flange, s.a); connect(s.b, m.flange);
+  connect(left.flange, f.a); connect(f.b, m.flange);
+  annotation(experiment(StopTime = 2));
+end Steps;
+"""
+
+
+def test_steps_of_what_is_prescribed():
+    """By a formula at the start, by a clock, by a table, also where the run ends."""
+    inputs = {"u": ([0, 0.5, 0.5, 1.1, 1.1, 2, 2], [0, 0.01, -0.05, -0.05, 0.04, 0, 0.1])}
+    options = {"points": 41, "solver": "dop853", "rtol": 1e-9}
+    found = repeated([(lmoc.compile_text(STEPS), {"F": 2.0})], inputs=inputs, **options)
+    found += repeated([(compiled(MODELS / "laws" / "h20_road_step.lmo"), {"U": 1.5})], **options)
+    judge(found, 1e-8)
+    kinds = [e.kind for e in found[0][1].events]
+    assert kinds.count("step") > 4 and {"impact", "slip", "when"} <= set(kinds)
+    assert found[0][1]["last"][-1] == pytest.approx(2, rel=1e-12)
+
+
+def test_a_step_without_a_finite_effect_ends_a_run():
+    text = """model S parameter Real T(unit = "s") = 3; Motion r(q = if time < T then 0 else 1); Mass m(m = 1);
+      Spring s(k = 1); Mass n(m = 1, q(start = 0, fixed = true), v(start = 0, fixed = true));
+      equation connect(r.flange, m.flange); connect(m.flange, s.a); connect(s.b, n.flange);
+      annotation(experiment(StopTime = 2)); end S;"""
+    run = lmoc.compile_text(text).simulate(points=3)
+    script = write_script(run.trajectory)
+    slot = next(s.slot for s in sliders(run.trajectory.observer, script.slots) if s.name == "T")
+    again = repeat([(run, script, [[slot, 1.0]])])[0]
+    assert again.reason.startswith("'r.q' jumps from 0 to 1 at t = 1.00000 s, and the motion needs its second")
 
 
 BOUNCE = """

@@ -11,6 +11,7 @@ from lmoc.engine.answers import Answers, doubles
 from lmoc.engine.library import library
 
 JUMPED, _, _, _, ENDLESS, _NO_MEMORY = range(6)
+REASONS = _NO_MEMORY + 1  # how many statuses there are
 _VALUES = ctypes.CFUNCTYPE(ctypes.c_int, *[ctypes.c_void_p] * 5)
 
 

@@ -274,6 +274,17 @@ def test_the_end_is_an_event_of_its_own() -> None:
     assert result["last"][-1] == pytest.approx(np.exp(-2), rel=1e-9)
 
 
+def test_the_end_is_not_where_an_input_steps_nor_does_a_table_that_ends_there_break_the_run() -> None:
+    text = """model E input Real u(unit = "m"); Motion road(q = u); Damper d(c = 1);
+      Mass m(m = 1, q(start = 0, fixed = true), v(start = 0, fixed = true));
+      Real age(start = 0, fixed = true); discrete Real last(start = 0, fixed = true);
+      equation connect(road.flange, d.a); connect(d.b, m.flange); der(age) = 1;
+      when terminal() then last = age; end when; end E;"""
+    found = lmoc.compile_text(text).simulate(stop=3, points=4, inputs={"u": ([0, 1, 1, 2, 3], [0, 0.1, 0.3, 0.2, 0])})
+    assert found["last"] == pytest.approx([0, 0, 0, 3], rel=1e-12, abs=0)
+    assert [(e.time, e.kind) for e in found.events] == [(1, "step"), (3, "when")]
+
+
 def test_terminate_ends_a_run() -> None:
     result = run(
         """model T Real x(start = 1, fixed = true); equation der(x) = -x;

@@ -2,7 +2,6 @@
 
 #include "jump.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -4,6 +4,7 @@
 #ifndef LMOC_JUMP_H
 #define LMOC_JUMP_H
 
+#include <math.h>
 #include <stdint.h>
 
 /* What a step has come to: no answer of the owner; the motion needs the derivative of an impulse; what follows from the
@@ -22,6 +23,9 @@ typedef struct {
      having those `given`: 0, or it has no answer. */
   int (*values)(void *owner, const double *x, const int32_t *which, const double *given, double *out);
 } lmoc_jump;
+
+/* s, by which what lies just before an instant, and just after it, is away from it. */
+static inline double lmoc_beside_step(double time) { return 1e-13 * fmax(1, fabs(time)); }
 
 /* Why a step has come to what it has, in the words of a message. */
 const char *lmoc_jump_reason(int status);

@@ -78,7 +78,8 @@ static void keep(void *own) {
 static int make_room(lmoc_page *p) {
   const int64_t n = p->n, m = p->unknown_count;
   const int64_t functions = 2*p->laws.run.k.laws.count + lmoc_roots(&p->events.instant);
-  const int64_t most = p->size + 40*n + 4*m + 5*functions + 8;
+  const int64_t steps = p->jumps.count ? p->size : 0;
+  const int64_t most = p->size + steps + 40*n + 4*m + 5*functions + 8;
   double *at = p->w = calloc((size_t)most, sizeof(double));
   if (!at) return 0;
   at += p->size;
@@ -86,6 +87,7 @@ static int make_room(lmoc_page *p) {
   TAKE(x, n), TAKE(answer, n), TAKE(atol, n), TAKE(f, n), TAKE(begin, n), TAKE(steps.x_new, n), TAKE(steps.k, 16*n);
   TAKE(steps.last, n), TAKE(steps.terms, 7*n), TAKE(steps.x, n), TAKE(call.x, 3*n), TAKE(call.solution, 3*m);
   TAKE(sides, functions), TAKE(values, functions), TAKE(now, functions), TAKE(finder.signs, functions), TAKE(place, 2*n);
+  TAKE(jumps.w, steps);
 #undef TAKE
   p->finder.which = (uint8_t *)at;
   return 1;
@@ -108,6 +110,7 @@ lmoc_page *lmoc_page_new(const uint8_t *bytes, int size) {
   lmoc_page_read_events(p, &b);
   lmoc_page_read_laws(p, &b);
   lmoc_page_read_coordinates(p, &b);
+  lmoc_page_read_jumps(p, &b);
   if (b.failed || p->right >= p->program_count || !make_room(p)) return 0;
   if (!lmoc_page_reserve(RESERVE + 16 * (int)lmoc_page_room_of_radau(p))) return 0; /* in pieces of powers of two */
   for (int64_t k = 0; k < p->program_count; k++) lmoc_put_constants(&p->programs[k].program, p->w);

@@ -73,11 +73,22 @@ void lmoc_page_begin_events(lmoc_page *p, double time, double span);
 void lmoc_page_start_events(lmoc_page *p, double time);    /* the answer is the state behind what happens at the start */
 
 /* Of the latest event: the next time event; what it is called: when 0, time 1, terminal 2, start 3; and what energy the jump of
-   states has cost. The answer is the state behind it; -1 - k where the motion needs the derivative of the k-th that steps. */
+   states has cost. The answer is the state behind it. */
 double lmoc_page_happened(const lmoc_page *p, int which);
 double *lmoc_page_before(lmoc_page *p);                     /* (discrete,) values before it */
 int lmoc_page_told_count(const lmoc_page *p);
 int lmoc_page_told_of(const lmoc_page *p, int k);
+
+/* Steps of inputs whose derivatives the equations hold: room for the times at which some step, in order, in a run that begins
+   at a time; the next of them; and what they do at one, with all laws open: the answer is the state behind it. 0, 1 where
+   there are no values, below -100 why laws leave no way, and else a status of `jump.h`, as a number below zero. */
+double *lmoc_page_step_times(lmoc_page *p, int count, double begin);
+double lmoc_page_next_step(const lmoc_page *p);
+int lmoc_page_input_steps(lmoc_page *p, double time);
+
+/* Of what has stepped last: which that may step is the first; from and to what; whether the states have moved; and whether the
+   source has done work beyond all bounds. */
+double lmoc_page_stepped(const lmoc_page *p, int which);
 
 /* Laws. Registers with all of them open, and as the mode that holds says; what happens is 0 or why there is no way, as of
    `law_run.h`, and the answer is the state behind it. */
@@ -86,7 +97,7 @@ void lmoc_page_open(lmoc_page *p);
 void lmoc_page_hold(lmoc_page *p);
 double *lmoc_page_errors(lmoc_page *p);
 int lmoc_page_start_laws(lmoc_page *p, double time);
-int lmoc_page_laws_happen(lmoc_page *p, double time, const uint8_t *roots); /* which of their functions vanish; or 0 */
+int lmoc_page_laws_happen(lmoc_page *p, double time);
 
 /* Laws have left this state, with the discrete values before an event; and behind it, let laws and discrete equations answer
    each other from the state as it is now. The host is told of each. */

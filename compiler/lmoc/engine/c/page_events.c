@@ -6,8 +6,6 @@
 
 /* ------------------------------------------------------------------ what is asked */
 
-static const double CONTINUOUS = 1e-9;  /* share of a value by which it may change at an event and still be continuous */
-
 static int evaluated(lmoc_page *p, int64_t program, double time, const double *x) {
   memmove(p->x, x, p->n * sizeof(double));
   return lmoc_page_evaluate(p, (int)program, time) & LMOC_FAILED ? LMOC_NO_VALUE : LMOC_SETTLED;
@@ -62,50 +60,17 @@ static void book_jump(lmoc_page *p, double time) {
   if (v->lost < 0) v->lost = 0;
 }
 
-/* What steps with the discrete values, and the stored energy, into `out`. */
-static void read_steps(lmoc_page *p, double time, double *out) {
-  const page_events *v = &p->events;
-  memcpy(p->x, p->answer, p->n * sizeof(double));
-  p->switched = 1;
-  lmoc_page_evaluate(p, (int)v->jumps, time);
-  for (int64_t k = 0; k < v->step_count; k++) out[k] = p->w[v->step[k]];
-  out[v->step_count] = v->step_stored < 0 ? 0 : p->w[v->step_stored];
-}
-
-/* Book the work of what steps at an instant; which one steps though the motion needs its derivative, -1 for none. */
-static int64_t book_steps(lmoc_page *p, double time) {
-  page_events *v = &p->events;
-  lmoc_instant *e = &v->instant;
-  double *before = v->steps, *after = before + v->step_count + 1, *now = after + v->step_count + 1;
-  int some = 0;
-  if (!v->step_count) return -1;
-  for (int64_t i = 0; i < e->discrete; i++) {
-    now[i] = e->v[e->own[i]];
-    e->v[e->own[i]] = v->way.held[i];
-  }
-  read_steps(p, time, before);
-  for (int64_t i = 0; i < e->discrete; i++) e->v[e->own[i]] = now[i];
-  read_steps(p, time, after);
-  for (int64_t k = 0; k < v->step_count; k++) {
-    if (!(fabs(after[k] - before[k]) > CONTINUOUS * fmax(fabs(after[k]), fabs(before[k])))) continue;
-    if (v->moving[k]) return k;
-    some = 1;
-  }
-  if (some && v->step_stored >= 0 && v->work_state >= 0) p->answer[v->work_state] += after[v->step_count] - before[v->step_count];
-  return -1;
-}
-
 /* Book what an event has done; the host is told. */
 static int booked(lmoc_events *way, double time, double *x) {
   lmoc_page *p = way->owner;
-  int64_t wrong = -1;
+  int wrong = 0;
   if (way->kind != LMOC_START) {
     book_jump(p, time);
-    wrong = book_steps(p, time);
+    wrong = lmoc_page_discrete_steps(p, time);
   }
   p->instant = time;
   memcpy(p->x, x, p->n * sizeof(double));
-  lmoc_host_event(wrong < 0 ? LMOC_SETTLED : -1 - (int)wrong);
+  lmoc_host_event(wrong);
   return LMOC_SETTLED;
 }
 
@@ -201,7 +166,7 @@ static void read_tables(lmoc_instant *e, lmoc_bytes *b) {
 static int make_room(page_events *v, int64_t n) {
   lmoc_instant *e = &v->instant;
   const int64_t zeros = e->zeros, d = e->discrete;
-  const int64_t sum = 3*n + 2*v->step_count + 2 + 3*d + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
+  const int64_t sum = 3*n + 3*d + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
   double *at = calloc((size_t)(sum + 3*zeros), sizeof(double));
   e->found = calloc((size_t)e->told + 1, sizeof(int64_t));
   e->near = calloc((size_t)zeros + 1, 1);
@@ -212,7 +177,7 @@ static int make_room(page_events *v, int64_t n) {
   TAKE(instant.flipped, d), TAKE(instant.moved, n), TAKE(instant.history, LMOC_HISTORY*d);
   TAKE(hops.times, zeros*LMOC_CHATTER), TAKE(hops.home, zeros), TAKE(hops.work, 4*n + 9*zeros);
   TAKE(work, 2*n + 3*zeros), TAKE(noise, zeros), TAKE(way.which, zeros), TAKE(way.turn, zeros), TAKE(way.at, zeros);
-  TAKE(way.begun, n), TAKE(way.held, d), TAKE(left, n), TAKE(state, n), TAKE(past, d), TAKE(steps, 2*v->step_count + 2 + d);
+  TAKE(way.begun, n), TAKE(way.held, d), TAKE(left, n), TAKE(state, n), TAKE(past, d), TAKE(now, d);
 #undef TAKE
   return 1;
 }
@@ -224,19 +189,15 @@ void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b) {
   if (!lmoc_read_integer(b)) return;
   v->look = lmoc_read_integer(b);
   const int64_t assign = lmoc_read_integer(b), lines = lmoc_read_integer(b);
-  v->jumps = lmoc_read_integer(b);
   v->way.initial = lmoc_read_integer(b);
   v->way.terminal = lmoc_read_integer(b);
   v->stored = lmoc_read_integer(b);
   v->work_state = lmoc_read_integer(b);
   v->heat_state = lmoc_read_integer(b);
-  v->step_stored = lmoc_read_integer(b);
-  v->step = lmoc_read_integers(b, &v->step_count);
-  v->moving = lmoc_read_integers(b, &count);
   v->zero = lmoc_read_integers(b, &count);
   v->seen = lmoc_read_integers(b, &count);
   read_tables(e, b);
-  if (b->failed || v->look >= p->program_count || v->jumps >= p->program_count || assign >= p->program_count || lines >= p->program_count) {
+  if (b->failed || v->look >= p->program_count || assign >= p->program_count || lines >= p->program_count) {
     b->failed = 1;
     return;
   }
@@ -267,6 +228,7 @@ void lmoc_page_begin_events(lmoc_page *p, double time, double span) {
   for (int64_t k = 0; k < e->zeros; k++) v->hops.home[k] = -INFINITY;
   for (int64_t k = 0; k < e->zeros * LMOC_CHATTER; k++) v->hops.times[k] = -INFINITY;
   for (int64_t k = 0; k < e->relations; k++) e->early[k] = 0;
+  for (int64_t k = 0; k < p->jumps.early_count; k++) e->early[p->jumps.early[k]] = 1;
   v->next = INFINITY;
   p->reached = -INFINITY;
   v->hops.begin = time;

@@ -68,9 +68,9 @@ static double located(double time, double begin) {
 
 /* Whether roots have ended the piece, with those that follow it more closely than their places are known: whether a state
    reaches a level an ulp before the tick of a clock, or behind it, is rounding. */
-static int together(lmoc_page *p, double begin, int root) {
+static int together(lmoc_page *p, double begin, int root, int stepped) {
   const int64_t count = p->finder.count, n = p->n;
-  const double next = p->events.instant.owner ? p->events.next : INFINITY;
+  const double next = p->events.instant.owner && !stepped ? p->events.next : INFINITY;
   const double t = root && fabs(next - p->instant) <= located(p->instant, begin) ? next : p->instant, ahead = located(t, begin);
   double *x = p->place, *now = p->now;
   p->instant = t;
@@ -105,20 +105,26 @@ int lmoc_page_after(lmoc_page *p, double ended, double begin, int root) {
   const int64_t roots = p->law_roots;
   const uint8_t *which = p->finder.which;
   int some = 0, found;
-  p->instant = ended;
-  root = together(p, begin, root);
+  const int stepped = lmoc_page_steps_at(p, ended);
+  p->instant = stepped ? lmoc_page_next_step(p) : ended; /* integrators stop a few digits before */
+  root = together(p, begin, root, stepped);
   const double time = p->reached = p->instant;
+  if (stepped) {
+    lmoc_host_steps(lmoc_page_input_steps(p, time));
+    memcpy(p->x, p->answer, p->n * sizeof(double));
+  }
   for (int64_t k = 0; k < roots; k++) some |= which[k];
-  if (some) {
-    if ((found = lmoc_page_laws_happen(p, time, which))) return found;
+  if (p->laws.run.k.laws.count && (some || stepped)) {
+    if ((found = lmoc_page_laws_at(p, time, which, stepped))) return found;
     lmoc_host_laws();
     memcpy(p->x, p->answer, p->n * sizeof(double));
   }
   memcpy(p->answer, p->x, p->n * sizeof(double));
-  if (!v->instant.owner) return root ? 0 : LMOC_OVER;
+  if (!v->instant.owner) return root || stepped ? 0 : LMOC_OVER;
   if (p->laws.run.k.laws.count) lmoc_page_left(p);
   if (root) cross(p, which + roots);
-  if (lmoc_page_events_after(p, time, root) == LMOC_OVER) return LMOC_OVER;
+  if (stepped && !root) lmoc_page_events_settle(p, time); /* the end is an instant of its own */
+  else if (lmoc_page_events_after(p, time, root) == LMOC_OVER) return LMOC_OVER;
   return p->laws.run.k.laws.count ? lmoc_page_settle(p, time) : 0;
 }
 

@@ -151,7 +151,7 @@ int lmoc_page_start_laws(lmoc_page *p, double time) {
   return answered(p, failed ? failed : lmoc_law_start(s, time, p->answer));
 }
 
-int lmoc_page_laws_happen(lmoc_page *p, double time, const uint8_t *roots) {
+int lmoc_page_laws_at(lmoc_page *p, double time, const uint8_t *roots, int jumped) {
   page_laws *l = &p->laws;
   const lmoc_law_run *s = &l->run;
   const int64_t n = s->k.laws.count;
@@ -161,8 +161,10 @@ int lmoc_page_laws_happen(lmoc_page *p, double time, const uint8_t *roots) {
     l->which[n + k] = roots && s->closed[k] && !s->k.laws.complementary[k] && roots[second++];
   }
   memcpy(p->answer, p->x, p->n * sizeof(double));
-  return answered(p, lmoc_law_happen(&l->run, time, p->answer, l->which, 0));
+  return answered(p, lmoc_law_happen(&l->run, time, p->answer, l->which, jumped));
 }
+
+int lmoc_page_laws_happen(lmoc_page *p, double time) { return lmoc_page_laws_at(p, time, 0, 0); }
 
 /* ------------------------------------------------------------------ what stays closed */
 

@@ -8,6 +8,7 @@
 #include "dense.h"
 #include "free_dynamics.h"
 #include "happen.h"
+#include "jump.h"
 #include "law_run.h"
 #include "page.h"
 #include "passage.h"
@@ -26,15 +27,29 @@ typedef struct {
   lmoc_instant instant;
   lmoc_hops hops;
   lmoc_events way;
-  int64_t look, jumps;                /* programs: the zero functions; what steps */
+  int64_t look;                       /* the program of the zero functions */
   int64_t stored, work_state, heat_state; /* registers and states, -1: none */
-  int64_t step_count, step_stored;
-  const int32_t *step, *moving;       /* (step_count,) registers; whether the motion needs their derivatives */
   const int32_t *zero, *seen;         /* (zeros,), (reinits,) registers */
-  double *work, *noise, *steps;       /* room */
+  double *work, *noise, *now;         /* room */
   double *left, *state, *past;        /* (n,), (n,), (discrete,) as laws have left them; room */
   double next, lost;                  /* s, of the next time event; J, that the last event has cost */
 } page_events;
+
+/* What steps while the equations hold derivatives of it. */
+typedef struct {
+  lmoc_jump jump;
+  int64_t look, rates;                /* programs: what may step, and the energy stored; the rates where some are given */
+  int64_t stored, work, count;        /* register and state, -1: none; how many may step */
+  const int32_t *registers;           /* (given,) those that may step first */
+  const int32_t *which, *value, *own, *results; /* (given,) and the results' registers */
+  const int32_t *early;               /* relations that are at the start what they were right before */
+  int64_t early_count;
+  double *w;                          /* registers of its own */
+  double *seen, *sides, *old, *change, *moved, *before;
+  double *times, begin;               /* s, at which inputs step; where the run began */
+  int64_t time_count, passed, first;  /* … which of what has stepped is the first */
+  int some, unbooked;                 /* whether it has moved the states; beyond all bounds */
+} page_jumps;
 
 /* Its laws. */
 typedef struct {
@@ -82,6 +97,7 @@ struct lmoc_page {
   double *matrix;                     /* of least squares, (order, order), and what is solved with it */
   int64_t order;
   page_events events;
+  page_jumps jumps;
   page_laws laws;
   page_coordinates coordinates;
 };
@@ -108,19 +124,31 @@ int lmoc_page_events_settle(lmoc_page *p, double time);
 #if defined(__wasm__)
 #define LMOC_HOST(name) __attribute__((import_module("host"), import_name(name)))
 LMOC_HOST("laws") void lmoc_host_laws(void);          /* is told of what laws have done … */
+LMOC_HOST("steps") void lmoc_host_steps(int found);   /* … the steps of inputs … */
 LMOC_HOST("event") void lmoc_host_event(int found);   /* … and the discrete equations; and asked at the start: … */
 LMOC_HOST("states") void lmoc_host_states(void);      /* … the answer is the state that discrete values lead to … */
 LMOC_HOST("equations") void lmoc_host_equations(int first); /* … and they have the values of their equations there */
 #else
 static inline void lmoc_host_laws(void) {}
+static inline void lmoc_host_steps(int found) { (void)found; }
 static inline void lmoc_host_event(int found) { (void)found; }
 static inline void lmoc_host_states(void) {}
 static inline void lmoc_host_equations(int first) { (void)first; }
 #endif
 
+/* Steps. Both move the answer, and return 0, NO_VALUE of an instant, less than LMOC_STRUCK why laws leave no way, or else -1
+   times a status of `jump.h`: of inputs that step now, and of what steps as discrete values have changed from those held. */
+enum { LMOC_STRUCK = -100 };
+int lmoc_page_steps_at(const lmoc_page *p, double time);    /* … whether inputs do */
+int lmoc_page_discrete_steps(lmoc_page *p, double time);
+
+/* What happens to laws as some functions vanish, or the states have jumped. */
+int lmoc_page_laws_at(lmoc_page *p, double time, const uint8_t *roots, int jumped);
+
 /* Read the events behind the programs (`page_events.c`). */
 void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b);
 void lmoc_page_read_laws(lmoc_page *p, lmoc_bytes *b);      /* … and the laws behind them (`page_laws.c`) */
 void lmoc_page_read_coordinates(lmoc_page *p, lmoc_bytes *b); /* … and the choice of coordinates (`page_coordinates.c`) */
+void lmoc_page_read_jumps(lmoc_page *p, lmoc_bytes *b);     /* … and what steps (`page_jumps.c`) */
 
 #endif

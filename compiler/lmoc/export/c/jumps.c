@@ -5,8 +5,6 @@
 
 #include <stdio.h>
 
-static const double BESIDE = 1e-13; /* s, or this share of the time: what lies just before an instant, and just after it */
-
 /* The rates with all laws open, and what is judged. */
 static int values(void *own, const double *x, const int32_t *which, const double *given, double *out) {
   fmu *f = own;
@@ -87,7 +85,7 @@ int fmu_input_steps(fmu *f) {
   const int64_t count = f->model->jumps.count;
   int found = FMU_GOOD;
   for (; !found && fmu_next_break(f) <= f->now.time; f->now.first_break++) {
-    const double at = fmu_next_break(f), aside = BESIDE * fmax(1, fabs(at));
+    const double at = fmu_next_break(f), aside = lmoc_beside_step(at);
     if (!count || at < f->now.begin) continue;
     for (int k = 0; k < 4 && !found; k++) found = read_at(f, at + places[k] * aside, f->step + k*count);
     if (!found) found = step(f);

@@ -17,7 +17,7 @@ import numpy as np
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span as SourceSpan
-from lmoc.numerics.events.closeness import located
+from lmoc.numerics.events.closeness import located, near_to
 from lmoc.numerics.events.event_handler import EventHandler, HandlerMemory, Starter
 from lmoc.numerics.events.stepping import Stepping
 from lmoc.numerics.laws.switching import LawSwitching
@@ -243,11 +243,13 @@ class HybridDynamics:
         return handler is not None and handler.is_over
 
     def instant(self, outcome: Outcome) -> float:
-        """Return when what has ended a segment happens: integrators stop a few digits before a jump of an input."""
-        t = outcome.time
+        """Return when what has ended a segment happens: integrators stop a few digits before a kink of an input."""
+        t, end = outcome.time, self.span[1]
         exact = self.stepping.instant(t)
         if exact is not None:
             return exact
+        if self.until == end and abs(end - t) <= near_to(t):
+            return end
         is_root = self.handler is not None and outcome.status is Status.ROOT
         return self.handler.instant(t, located(t, self.span[0])) if is_root else t
 
@@ -390,6 +392,7 @@ class HybridDynamics:
         t, x, root = outcome.time, outcome.x, outcome.status is Status.ROOT
         stepped = self.stepping.instant(t) is not None
         x = self._input_steps(t, x)
+        self._collect()
         self.stepping.pass_by(t)
         self._reached = t
         of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
@@ -403,7 +406,8 @@ class HybridDynamics:
             return x if root or stepped else None
         self._renew_discrete()
         crossed = outcome.roots[self._law_roots :] if root else None
-        behind = self.handler.after(replace(outcome, x=x, roots=crossed))
+        early = stepped and not root and t < self.handler.until - near_to(t)  # it is not the end of the run
+        behind = None if early else self.handler.after(replace(outcome, x=x, roots=crossed))
         if behind is None and stepped:
             behind = self.handler.settle(t, x)
         self._collect()

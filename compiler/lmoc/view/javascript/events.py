@@ -10,7 +10,6 @@ from lmoc.expression.dag import slot
 from lmoc.ir.program import Apply, Program, needed_steps
 from lmoc.numerics.events.event_handler import told_variables
 from lmoc.numerics.events.layout import EventLayout
-from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.events.tables import NONE, Condition, Memory, event_tables
 from lmoc.numerics.observe.observer import Observer
 from lmoc.view.javascript.programs import InstantTables, Programs
@@ -51,29 +50,25 @@ class _Events:
         conditions, news = self.told_conditions()
         tables = event_tables(self.layout, self.memory, conditions)
         initial, initial_data = self.initial()
-        jumps = plan.once(Steps)
-        jumping = [*jumps.registers.tolist(), *([plan.stored] if jumps.stored else [])]
         programs: Programs = {
             "look": self.looked(),
             "assign": tables.assign,
             "lines": tables.lines,
             "discreteStarts": self.starts(),
             "initialEquations": initial,
-            "jumps": needed_steps(plan.full_program, np.array(jumping, int), plan.count),
         }
         data = {
             "discrete": self.of(events.discrete).tolist(),
             "texts": [self.layout.relation_at(k).text for k in range(self.layout.zero_count)],
             "news": news,
             "initialEquations": initial_data,
-            "jumping": [plan.reduced.register_name(int(r)) for r in jumps.registers],
             "told": self.told(),
             "looksAtTime": self.layout.looks_at_time,
         }
-        stored = plan.stored if events.reinits else -1, *plan.accounts, plan.stored if jumps.stored else -1
+        stored = plan.stored if events.reinits else -1, *plan.accounts
         single = self.single(events.initial), self.single(events.terminal), *stored
         seen = np.concatenate([NONE, *(plan.reduced.register_of[r.target] for r in events.reinits)])
-        return programs, data, InstantTables(self.zeros, seen, single, jumps.registers, jumps.moving, tables.columns)
+        return programs, data, InstantTables(self.zeros, seen, single, tables.columns)
 
     def single(self, variable: int) -> int:
         return -1 if variable < 0 else int(self.of(np.array([variable]))[0])

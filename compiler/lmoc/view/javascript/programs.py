@@ -21,6 +21,7 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.signals.curves import Curve
 from lmoc.support.records import dataclass
 from lmoc.view.javascript.coordinates import CoordinateTables
+from lmoc.view.javascript.jumps import JumpTables
 from lmoc.view.javascript.laws import LawTables
 
 Programs = dict[str, Program | list[Program]]
@@ -36,16 +37,13 @@ class InstantTables:
     ----------
     zeros, seen : registers of the zero functions, and of the variables that `reinit` sets
     single : registers of `initial()`, `terminal()` and of the stored energy where a jump of states changes it; which
-        states of the ledger are work and heat; the register of the stored energy where a step changes it; -1 for none
-    steps, moving : registers of what may step, and whether the motion needs their derivatives
+        states of the ledger are work and heat; -1 for none
     columns : as of `numerics.events.tables.Tables`
     """
 
     zeros: np.ndarray
     seen: np.ndarray
-    single: tuple[int, int, int, int, int, int]
-    steps: np.ndarray
-    moving: np.ndarray
+    single: tuple[int, int, int, int, int]
     columns: dict[str, np.ndarray]
 
 
@@ -56,6 +54,7 @@ def packed_programs(
     curves: Sequence[tuple[int, int, Curve]],
     events: InstantTables | None = None,
     laws: LawTables | None = None,
+    jumps: JumpTables | None = None,
     watch: CoordinateTables | None = None,
 ) -> tuple[bytes, Numbers]:
     """Return the programs over registers, and the number of each by its name; ``rhs`` is among them.
@@ -108,6 +107,11 @@ def packed_programs(
     p.integer(watch is not None)
     if watch is not None:
         _pack_watch(p, watch, _one(numbers, "constraints"))
+    p.integer(jumps is not None)
+    if jumps is not None:
+        p.each((*(_one(numbers, name) for name in ("jumps", "jumped")), *jumps.single))
+        for table in jumps.tables:
+            p.integers(table)
     return p.finish(), numbers
 
 
@@ -118,10 +122,9 @@ def _one(numbers: Numbers, name: str) -> int:
 
 def _pack_events(p: Packer, events: InstantTables, numbers: Numbers) -> None:
     """What happens at instants, as `lmoc_page_read_events` reads it."""
-    p.each(_one(numbers, name) for name in ("look", "assign", "lines", "jumps"))
+    p.each(_one(numbers, name) for name in ("look", "assign", "lines"))
     p.each(events.single)
-    own = events.steps, events.moving, events.zeros, events.seen
-    for table in (*own, *(events.columns[name] for name in TABLES)):
+    for table in (events.zeros, events.seen, *(events.columns[name] for name in TABLES)):
         p.integers(table)
 
 

@@ -15,13 +15,13 @@ from lmoc.expression.calculus import linear_parts
 from lmoc.expression.dag import ONE, TIME, ZERO, if_, slot
 from lmoc.ir.flat import Assignments, FlatDAE, Kind
 from lmoc.ir.program import Apply, Program, Step, read, written
-from lmoc.numerics.observe.event import STEP
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import Trajectory
 from lmoc.numerics.options.options import MOREAU
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.activity import lookout
 from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.plan.steps import stepping_inputs
 from lmoc.numerics.problem.base import REQUESTED
 from lmoc.numerics.signals.curves import Curve
 from lmoc.numerics.signals.signals import Function, break_times
@@ -30,12 +30,16 @@ from lmoc.support.records import dataclass
 from lmoc.view.javascript.accuracy import absolute_tolerances, refinement, seeds
 from lmoc.view.javascript.coordinates import coordinates, pairs, passage, write_constraints
 from lmoc.view.javascript.events import write_events
+from lmoc.view.javascript.jumps import JumpTables, write_jumps
 from lmoc.view.javascript.laws import LawTables, write_laws
 from lmoc.view.javascript.programs import InstantTables, Programs, packed_programs
 from lmoc.view.javascript.start import start_program
 
 FINER = 0.1  # factor on the tolerance where the run has used a method that the page does not have
-MOST_ROWS = 5_000  # of all steps: more makes a large page, and a run that takes seconds
+MOST_ROWS = 10_000  # of all steps: more makes a large page, and a run that takes seconds
+
+
+EngineTables = tuple[InstantTables | None, LawTables | None, JumpTables | None]
 
 
 class NotWritten(Exception):
@@ -108,14 +112,13 @@ def _with_choices(*scenes: _Scene) -> Script:
 def _check(trajectory: Trajectory) -> None:
     observer = trajectory.observer
     reduced, flat = observer.plan.reduced, observer.flat
-    if (reduced.switched is not None or flat.events is not None) and trajectory.begun is None:
+    happens = reduced.switched is not None or flat.events is not None
+    if (happens or stepping_inputs(observer.plan, observer.signals)) and trajectory.begun is None:
         raise NotWritten("the run goes on where another one has ended, whose events the page does not know")
     if flat.events is not None and (flat.kind[flat.events.clocks()] == Kind.UNKNOWN).any():
         raise NotWritten("the equations of the start determine when it samples, which the page does not compute")
     if trajectory.stats.get("solver") == MOREAU:
         raise NotWritten("the run takes steps of equal length with impulses, which the page does not compute")
-    if any(e.kind == STEP for e in trajectory.events):
-        raise NotWritten("a step of what is prescribed makes velocities jump, which the page does not compute")
     changes = any(p.reduced is not reduced for p in trajectory.segments)
     if changes and (reduced.switched is not None or flat.events is not None):
         raise NotWritten("the coordinates of a scene with events change, which the page does not compute")
@@ -182,11 +185,11 @@ class _Scene:
         start = start_program(before, self.time, x, self)
         breaks, lines, switches = self._breaks()
         judged, checks = self._checks()
-        happening, laws, events, engine = self._happening()
+        happening, told, engine = self._happening()
         constraints, watch, judged_by = write_constraints(self.observer, self)
         steps = (copied, *plan.reduced.parameter_program)
         reading = (*steps, *start.wanted, *breaks, *judged, *(s for p in _flat(happening) for s in p))
-        steps = (*self._bindings(reading, _read_by_hand(*engine)), *steps, *start.wanted, *judged)
+        steps = (*self._bindings(reading, _read_by_hand(*engine[:2])), *steps, *start.wanted, *judged)
         base = np.array(self.base)
         base[np.concatenate([np.zeros(0, int), *map(written, steps)])] = np.nan
         programs: Programs = {
@@ -217,8 +220,7 @@ class _Scene:
             "checks": checks,
             "watch": watch,
             "coordinates": coordinates(plan),
-            "laws": laws,
-            "events": events,
+            **told,
             "lines": lines,
             "switches": switches,
             "bounds": self._bounds(),
@@ -227,10 +229,8 @@ class _Scene:
         registers[self.undetermined] = -1
         return Script(data, self.slots, registers)
 
-    def _happening(
-        self,
-    ) -> tuple[Programs, dict | None, dict | None, tuple[InstantTables | None, LawTables | None]]:
-        """Return the programs of laws and events, the data of both, and what the engine reads of events and laws."""
+    def _happening(self) -> tuple[Programs, dict[str, dict | None], EngineTables]:
+        """Return the programs of laws, events and steps, the data of each, and what the engine reads of them."""
         programs: Programs = {}
         laws = events = instants = tables = None
         if self.plan.reduced.switched is not None:
@@ -239,7 +239,8 @@ class _Scene:
         if self.flat.events is not None:
             others, events, instants = write_events(self.observer, self)
             programs |= others
-        return programs, laws, events, (instants, tables)
+        own_steps, jumps, steps = write_jumps(self.plan, self.observer.signals, self)
+        return programs | own_steps, {"laws": laws, "events": events, "jumps": jumps}, (instants, tables, steps)
 
     # ------------------------------------------------------------------ parameters
 

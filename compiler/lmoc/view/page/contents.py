@@ -92,6 +92,7 @@ def contents(run: Result, title: str) -> Contents:
         "energy": energy,
         "events": _events(run, missing),
         "modes": _modes(run),
+        "unbooked": _number(run.trajectory.unbooked[0]),
         "picture": None if picture is None else picture_data(picture),
         "swinging": {"names": moving, "modes": modes_data(run, moving)},
         "check": table.check(script),

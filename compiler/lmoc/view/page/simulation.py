@@ -15,7 +15,7 @@ from lmoc.view.javascript.sliders import sliders
 from lmoc.view.page.hands import hands_data, of_origin, run_with_hands
 
 MOST_SLIDERS = 60
-MOST_SCRIPT = 500_000  # characters of the page's own simulation
+MOST_SCRIPT = 1_000_000  # characters of the page's own simulation
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,10 +27,11 @@ export function placeOf(time, t) {
 
 export class Answer {
   /**
-   * `columns` maps names to arrays over time, or to numbers that do not change; `modes` are [since, {law: mode}], in order.
+   * `columns` maps names to arrays over time, or to numbers that do not change; `modes` are [since, {law: mode}], in order; from
+   * `unbooked` on the ledger has no values.
    */
-  constructor(time, columns, { complete = true, reason = "", events = [], modes = [] } = {}) {
-    Object.assign(this, { time, columns, complete, reason, events, modes });
+  constructor(time, columns, { complete = true, reason = "", events = [], modes = [], unbooked = Infinity } = {}) {
+    Object.assign(this, { time, columns, complete, reason, events, modes, unbooked });
   }
 
   /** [law, mode] of each law at a time. */
@@ -47,6 +48,11 @@ export class Answer {
   of(name) {
     const found = this.columns.get(name);
     return typeof found === "number" ? new Float64Array(this.time.length).fill(found) : (found ?? []);
+  }
+
+  /** Values of the ledger over time, as long as it has some. */
+  booked(name) {
+    return this.of(name).map((v, k) => (this.time[k] < this.unbooked ? v : NaN));
   }
 
   /** A function of time for many names: `values(t)` fills and returns one array, linear between output times. */
@@ -81,8 +87,8 @@ export function givenAnswer(data) {
     const own = column === undefined ? (value ?? NaN) : values.subarray(column * time.length, (column + 1) * time.length);
     columns.set(name, own);
   }
-  const { complete, reason, events, modes } = data;
-  return new Answer(time, columns, { complete, reason, events, modes });
+  const { complete, reason, events, modes, unbooked } = data;
+  return new Answer(time, columns, { complete, reason, events, modes, unbooked: unbooked ?? Infinity });
 }
 
 /**

@@ -54,7 +54,6 @@ export class EventHandler {
   judge(found, t) {
     if (found === SETTLED) return;
     const at = `t = ${t.toPrecision(6)} s`;
-    if (found < 0) throw new Stopped(`'${this.own.jumping[-1 - found]}' jumps at ${at}, and the motion needs its derivative, which is an impulse there`);
     if (found >= CULPRIT) throw new Stopped(`'${this.own.texts[found - CULPRIT]}' switches back and forth at ${at}`);
     if (found === UNSETTLED) throw new Stopped(`no values satisfy all equations at ${at}`);
     if (found === NO_VALUE) throw new Stopped(`the run stops at ${at}: the equations have no solution there`);
@@ -64,6 +63,7 @@ export class EventHandler {
   /** Tell of what the engine has carried out. */
   happened(t, found) {
     const { exports, page, own, programs } = this;
+    if (found <= 0) this.scene.dynamics.tellSteps(found);
     this.judge(found, t);
     const before = new Float64Array(programs.buffer, exports.lmoc_page_before(page), own.discrete.length);
     const news = Array.from({ length: exports.lmoc_page_told_count(page) }, (_, k) => own.news[exports.lmoc_page_told_of(page, k)]);

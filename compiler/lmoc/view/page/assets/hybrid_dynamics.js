@@ -2,9 +2,10 @@
 // discrete equations, and the laws again where those have changed something that they depend on.
 
 import { EventHandler } from "./event_handler.js";
+import { Stopped } from "./stopped.js";
 import { LawSwitching } from "./switching.js";
 
-const OVER = -2; // as `engine/c/page.h` has it
+const [OVER, STRUCK, NO_ANSWER] = [-2, -100, 1]; // as `engine/c/page.h` and `page_scene.h` have it
 
 export class HybridDynamics {
   constructor(scene) {
@@ -14,10 +15,21 @@ export class HybridDynamics {
     this.handler = data.events === null ? null : new EventHandler(scene);
     this.records = [];
     this.modes = []; // [since, {law: mode}]
+    this.unbooked = Infinity; // s, from when on the ledger has no value
+    const times = scene.stepTimes();
+    const { exports, page, buffer } = scene.programs;
+    const room = exports.lmoc_page_step_times(page, times.length, data.begin);
+    scene.programs.checked(0);
+    new Float64Array(buffer, room, times.length).set(times);
   }
 
   get until() {
-    return this.handler === null ? this.scene.data.end : this.handler.until;
+    return Math.min(this.handler === null ? this.scene.data.end : this.handler.until, this.nextStep);
+  }
+
+  /** s, at which inputs step next. */
+  get nextStep() {
+    return this.scene.programs.exports.lmoc_page_next_step(this.scene.programs.page);
   }
 
   get longestStep() {
@@ -53,6 +65,7 @@ export class HybridDynamics {
     Object.assign(programs, { dynamics: this });
     let x = this.handler === null ? states() : this.handler.start(states);
     this.collect();
+    x = this.stepInputs(begin, x);
     if (this.laws === null) return x;
     const [state, events] = this.laws.start(begin, x);
     this.records.push(...events);
@@ -89,6 +102,30 @@ export class HybridDynamics {
     programs.x.set(x);
     this.laws.judge(t, programs.exports.lmoc_page_settle(programs.page, t));
     return Float64Array.from(programs.answer);
+  }
+
+  /** The states behind what inputs do at an instant. */
+  stepInputs(t, x) {
+    if (this.nextStep > t) return x;
+    const { programs } = this.scene;
+    programs.x.set(x);
+    this.tellSteps(programs.exports.lmoc_page_input_steps(programs.page, t));
+    return Float64Array.from(programs.answer);
+  }
+
+  /** Record what has stepped, and what it has come to. */
+  tellSteps(found) {
+    const { data, programs } = this.scene;
+    const { exports, page } = programs;
+    if (data.jumps === null) return;
+    const [first, before, after, moved, unbooked] = [0, 1, 2, 3, 4].map((which) => exports.lmoc_page_stepped(page, which));
+    const [name, t] = [data.jumps.names[first], exports.lmoc_page_instant(page)];
+    const [was, is] = [before, after].map((v) => String(Number(v.toPrecision(6))));
+    if (found === NO_ANSWER) throw new Stopped(`the run stops at t = ${t.toPrecision(6)} s: the equations have no solution there`);
+    if (found <= STRUCK) this.laws.judge(t, STRUCK - found);
+    if (found < 0) throw new Stopped(`'${name}' jumps from ${was} to ${is} at t = ${t.toPrecision(6)} s, and ${data.jumps.reasons[-found]}`);
+    if (unbooked) this.unbooked = Math.min(this.unbooked, t);
+    if (moved) this.records.push({ time: t, name, kind: "step", before: was, after: is, impulse: 0, energy_lost: 0, note: "" });
   }
 
   tellLaws() {

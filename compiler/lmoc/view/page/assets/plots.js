@@ -188,7 +188,7 @@ export class Plots {
 
   /** The energy as stacked areas: what each part stores, on it what was lost; the line is what was put in. */
   drawEnergy(answer, { stored, supplied, lost, parts }, text) {
-    const [all, given, heat] = [stored, supplied, lost].map((name) => answer.of(name));
+    const [all, given, heat] = [answer.of(stored), answer.booked(supplied), answer.booked(lost)];
     const own = areasOf(answer, all, parts);
     const low = own.reduce((sum, { least }) => sum + least, 0);
     const tops = [];
@@ -246,12 +246,13 @@ export function sampled(answer, name, times) {
 
 /** The error of the ledger of an answer, in words; `exchanged` is what the stores of the compiler's run exchange. */
 export function balance(answer, { stored, supplied, lost, exchanged }) {
-  const [s, p, l] = [stored, supplied, lost].map((name) => answer.of(name));
+  const [s, p, l] = [answer.of(stored), answer.booked(supplied), answer.booked(lost)];
   let worst = 0;
   let scale = exchanged;
   for (let k = 0; k < s.length; k++) {
-    worst = Math.max(worst, Math.abs(p[k] - p[0] - (l[k] - l[0]) - (s[k] - s[0])));
-    scale = Math.max(scale, Math.abs(p[k] - p[0]), Math.abs(l[k] - l[0]), Math.abs(s[k] - s[0]));
+    worst = Math.max(worst, Math.abs(p[k] - p[0] - (l[k] - l[0]) - (s[k] - s[0])) || 0);
+    scale = Math.max(scale, Math.abs(p[k] - p[0]) || 0, Math.abs(l[k] - l[0]) || 0, Math.abs(s[k] - s[0]));
   }
-  return scale > 0 ? `error of the balance ${format(worst / scale)}` : "nothing stored, supplied or lost";
+  const since = answer.unbooked < Infinity ? ` until t = ${format(answer.unbooked)} s, where a step does work beyond all bounds` : "";
+  return scale > 0 ? `error of the balance ${format(worst / scale)}${since}` : "nothing stored, supplied or lost";
 }

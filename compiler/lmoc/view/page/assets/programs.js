@@ -9,6 +9,7 @@ export class Programs {
   constructor(engine, code, stateCount) {
     const host = {
       laws: () => this.dynamics.tellLaws(),
+      steps: (found) => this.dynamics.tellSteps(found),
       event: (found) => this.dynamics.tellEvent(found),
       states: () => this.answer.set(this.states()),
       equations: (first) => this.equations(first),

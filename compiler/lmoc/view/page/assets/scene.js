@@ -112,7 +112,7 @@ export class Scene {
       this.missed = data.met.find(([is, wanted]) => Math.abs(w[is] - w[wanted]) > MET * Math.max(1, Math.abs(w[wanted])));
       return x;
     };
-    if (data.laws === null && data.events === null) return states();
+    if (data.laws === null && data.events === null && data.jumps === null) return states();
     this.dynamics = new HybridDynamics(this);
     const x = this.dynamics.start(states);
     this.observe(data.begin, x);
@@ -147,14 +147,29 @@ export class Scene {
 
   /** Times between two at which formulas of time or tables have kinks, in order. */
   breaks(begin, end) {
+    const margin = 1e-12 * Math.max(Math.abs(begin), Math.abs(end));
+    const inside = [...this.data.breakTimes, ...this.kinks(begin, end)].filter((t) => t >= begin && t <= end - margin).sort((a, b) => a - b);
+    return inside.filter((t, k) => k === 0 || t - inside[k - 1] > margin);
+  }
+
+  /** Times of the run at which inputs step or bend whose derivatives the equations hold. */
+  stepTimes() {
+    const { jumps, begin, end } = this.data;
+    const margin = 1e-12 * Math.max(Math.abs(begin), Math.abs(end));
+    const found = [...(jumps?.times ?? []), ...(jumps?.formulas ? this.kinks(begin, end) : [])];
+    const inside = found.filter((t) => t >= begin - margin && t <= end + margin).map((t) => Math.min(Math.max(t, begin), end));
+    const ordered = inside.sort((a, b) => a - b);
+    return ordered.filter((t, k) => k === 0 || t - ordered[k - 1] > margin);
+  }
+
+  /** Places between two times at which formulas of time have kinks. */
+  kinks(begin, end) {
     const { data, w } = this;
-    const found = [...data.breakTimes];
+    const found = [];
     this.functions.breaks(begin);
     for (const [slope, offset] of data.lines) found.push(-w[offset] / w[slope]);
     found.push(...this.crossings(begin, end));
-    const margin = 1e-12 * Math.max(Math.abs(begin), Math.abs(end));
-    const inside = found.filter((t) => t >= begin && t <= end - margin).sort((a, b) => a - b);
-    return inside.filter((t, k) => k === 0 || t - inside[k - 1] > margin);
+    return found;
   }
 
   /** Places at which the switches that are not linear in time change, by bisection. */

@@ -69,8 +69,8 @@ export class Run {
     const { scene, ended, reached, reason, steps, evaluations } = this;
     const columns = this.columns.map((column) => column.subarray(0, reached));
     const complete = reason === "" && (ended || reached === this.times.length);
-    const { records = [], modes = [] } = scene.dynamics ?? {};
-    return { time: this.times.slice(0, reached), columns, complete, reason, events: records, modes, steps, evaluations };
+    const { records = [], modes = [], unbooked = Infinity } = scene.dynamics ?? {};
+    return { time: this.times.slice(0, reached), columns, complete, reason, events: records, modes, unbooked, steps, evaluations };
   }
 
   record(time, x) {
@@ -264,6 +264,7 @@ export class Run {
     if (end - from <= NO_TIME * Math.max(Math.abs(from), Math.abs(end))) return { t: Math.max(from, end), x, root: false };
     const later = [...scene.data.bounds.slice(1).map(([edge]) => edge), this.short?.until ?? end];
     const edges = [...scene.breaks(from, end), ...later.filter((edge) => edge > from && edge < end)];
+    if (scene.dynamics?.nextStep === end) edges.push(end); // no step looks at the other side of a jump
     let [begin, state] = [from, x];
     for (const edge of [...edges.sort((a, b) => a - b), Infinity]) {
       const margin = edge === Infinity ? 0 : nearTo(edge);

@@ -68,7 +68,7 @@ export class LawSwitching {
   /** The state behind an instant at which something else has changed, and what happened: [x, events]. */
   happen(t, x) {
     this.programs.x.set(x);
-    return this.take(t, this.exports.lmoc_page_laws_happen(this.page, t, 0));
+    return this.take(t, this.exports.lmoc_page_laws_happen(this.page, t));
   }
 
   take(t, status) {
