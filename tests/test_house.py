@@ -226,4 +226,4 @@ def test_pages_carry_the_engine_of_these_sources():
     wasm = module_from_spec(found)
     found.loader.exec_module(wasm)
     assert wasm.DIGEST.read_text().split() == [wasm.digest()], "C that pages run has changed: make wasm"
-    assert wasm.BUILT.stat().st_size < 200_000
+    assert wasm.BUILT.stat().st_size < 250_000
