@@ -1,8 +1,9 @@
 """Edit models at random as a person types: ``python tests/many_edits.py [FIRST] [COUNT] [SECONDS]``; 10000 edits.
 
 Each text, every third one that of a file in a package of several files, is edited 20 times in a row. After each edit
-every question of an editor is asked, where only the part around the change is read and where all of the text is, and
-trees, places and answers are compared; after every tenth one the diagnostics are made, in this process, which has made
+every question of an editor is asked, where only the piece around the change is read and where nothing has been read
+before, and answers are compared, those about the whole text also with such that are not made of pieces; after every
+tenth one the diagnostics are made, in this process, which has made
 many, and in one that has made none, and compared. Printed are exceptions and differences with their seeds, and the
 processor time that the questions took.
 """
@@ -22,12 +23,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "editor"))
 
-from test_random_edits import MODELS, asked, edited, shown  # noqa: E402
+from test_random_edits import MODELS, at_place, edited, from_the_whole, shown  # noqa: E402
 
-from lmoc.editor import colours, hints, outline  # noqa: E402
-from lmoc.editor.analysis import analyse, with_change  # noqa: E402
+from lmoc.editor.answers import Answers  # noqa: E402
 from lmoc.editor.checking import Checked, check  # noqa: E402
-from lmoc.editor.names import occurrences  # noqa: E402
+from lmoc.editor.pieces import read  # noqa: E402
 
 EDITS = 20  # of one text
 CHECKED = 10  # every so many of them
@@ -65,16 +65,6 @@ def _checked(text: str, path: str) -> Checked | str:
         return traceback.format_exc(limit=-3)
 
 
-def everything(analysis) -> None:
-    """Ask what an editor asks without a place."""
-    names = occurrences(analysis)
-    colours.encoded(analysis.source, names)
-    list(hints.units(analysis, names))
-    list(hints.runnable(analysis))
-    outline.symbols(analysis)
-    list(outline.folds(analysis))
-
-
 def packaged(rng: random.Random, folder: Path) -> Path:
     """Write some models as a package, one of them as a package in it; return one of the files."""
     chosen = {p.stem: p.read_text(encoding="utf-8") for p in rng.sample(MODELS, 4)}
@@ -91,7 +81,7 @@ def packaged(rng: random.Random, folder: Path) -> Path:
     return rng.choice(files)
 
 
-def session(seed: int, fresh: Fresh, spent: list[float], counted: Counter) -> None:
+def session(seed: int, fresh: Fresh, spent: dict[str, list[float]], counted: Counter) -> None:
     """Edit one text, and count what differs."""
     rng = random.Random(seed)
     with tempfile.TemporaryDirectory() as folder:
@@ -99,25 +89,26 @@ def session(seed: int, fresh: Fresh, spent: list[float], counted: Counter) -> No
         text = path.read_text(encoding="utf-8")
         if seed % PACKAGED == 1:  # several classes
             text = "\n".join([text, *(p.read_text(encoding="utf-8") for p in rng.sample(MODELS, 2))])
-        before = analyse(text, str(path))
+        reading = read(str(path), text)
+        answers = Answers(reading)
         for k in range(EDITS):
             text = edited(rng, text)
             if not text:
                 return
+            place = rng.randrange(len(text) + 1)
             began = time.process_time()
-            quick = with_change(before, text)
-            offset = rng.randrange(len(text) + 1) if quick is None else rng.randrange(*quick.known)
-            answers = None if quick is None else asked(quick, offset)
-            spent.append(time.process_time() - began)
-            whole = analyse(text, str(path))
-            everything(whole)
+            reading = read(str(path), text, reading.pieces)
+            asked_here = at_place(reading, place)
+            spent["at a place"].append(time.process_time() - began)
+            answers = Answers(reading, answers)
+            found = shown(answers)
+            spent["about the whole text"].append(time.process_time() - began)
+            fresh_one = read(str(path), text)
+            same = found == shown(Answers(fresh_one)) and asked_here == at_place(fresh_one, place)
             counted["edits"] += 1
-            if quick is not None:
-                counted["read in part"] += 1
-                same = answers == asked(whole, offset) and shown(quick, quick.known) == shown(whole, quick.known)
-                if not same or quick.mended != whole.mended:
-                    counted["answers differ"] += 1
-                    print(f"seed {seed}, edit {k}: answers differ", flush=True)
+            if not same or [found[0], found[1], found[6]] != from_the_whole(text, str(path)):
+                counted["answers differ"] += 1
+                print(f"seed {seed}, edit {k}: answers differ{' from those of the whole text' * same}", flush=True)
             if k % CHECKED == CHECKED - 1:
                 counted["checks"] += 1
                 here, there = _checked(text, str(path)), fresh.check(text, str(path))
@@ -125,12 +116,11 @@ def session(seed: int, fresh: Fresh, spent: list[float], counted: Counter) -> No
                 if here != there or isinstance(here, str):
                     counted["diagnostics differ"] += here != there
                     print(f"seed {seed}, edit {k}: diagnostics\n{here}\n{there}", flush=True)
-            before = whole
 
 
 def main(first: int, count: int, seconds: float) -> None:
     fresh = Fresh()
-    spent: list[float] = []
+    spent: dict[str, list[float]] = {"at a place": [], "about the whole text": []}
     counted: Counter = Counter({"exceptions": 0, "answers differ": 0, "diagnostics differ": 0})
     until = time.monotonic() + seconds
     seed = first
@@ -143,10 +133,11 @@ def main(first: int, count: int, seconds: float) -> None:
             counted["exceptions"] += 1
             print(f"seed {seed}:")
             traceback.print_exc(limit=-3)
-    spent.sort()
-    share = [f"{1000 * spent[int(q * (len(spent) - 1))]:.0f} ms" for q in (0.5, 0.99, 1.0)]
     print(f"until seed {seed}: {', '.join(f'{n} {what}' for what, n in counted.items())}")
-    print(f"the questions at a place took {share[0]} of processor time, of 99 % at most {share[1]}, at most {share[2]}")
+    for what, times in spent.items():
+        times.sort()
+        share = [f"{1000 * times[int(q * (len(times) - 1))]:.0f} ms" for q in (0.5, 0.99, 1.0)]
+        print(f"the questions {what} took {share[0]} of processor time, of 99 % at most {share[1]}, at most {share[2]}")
 
 
 if __name__ == "__main__":

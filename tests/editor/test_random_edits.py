@@ -8,12 +8,15 @@ import pytest
 pytest.importorskip("lsprotocol")
 
 from lmoc.editor import colours, hints, outline  # noqa: E402
-from lmoc.editor.analysis import analyse, with_change  # noqa: E402
+from lmoc.editor.analysis import analyse  # noqa: E402
+from lmoc.editor.answers import Answers  # noqa: E402
 from lmoc.editor.completion import proposals, signature  # noqa: E402
 from lmoc.editor.describe import markdown  # noqa: E402
 from lmoc.editor.names import at, occurrences  # noqa: E402
-from lmoc.syntax.node import walk  # noqa: E402
-from lmoc.syntax.outline import outline as tree_lines  # noqa: E402
+from lmoc.editor.pieces import Reading, read  # noqa: E402
+from lmoc.editor.positions import position  # noqa: E402
+from lmoc.messages.diagnostics import ModelError  # noqa: E402
+from lmoc.syntax.layout import formatted  # noqa: E402
 
 MODELS = sorted((Path(__file__).parents[2] / "models").rglob("*.lmo"))
 SNIPPETS = [
@@ -56,16 +59,36 @@ def asked(analysis, offset: int) -> list[str]:
     ]
 
 
-def shown(analysis, part) -> list:
-    """The trees and names of a part of a text, with their places."""
-    own = [c for c in analysis.placed if part.start <= c.span.start < part.end]
-    places = [(n.span.start, n.span.end) for n in walk(own) if getattr(n, "span", None) is not None]
-    names = [
-        (o.start, o.end, o.role, markdown(o))
-        for c in own
-        for o in occurrences(analysis, c.name_span.start)
+def shown(answers: Answers) -> list:
+    """The answers about a whole text."""
+    return [
+        answers.tokens(),
+        list(answers.units()),
+        list(answers.models()),
+        list(answers.runnable()),
+        list(answers.symbols()),
+        list(answers.folds()),
+        answers.formatted(),
     ]
-    return [*(line for c in own for line in tree_lines(c)), places, names]
+
+
+def from_the_whole(text: str, path: str) -> list:
+    """The same without pieces: colours, units, and the layout."""
+    analysis = analyse(text, path)
+    names = occurrences(analysis)
+    source = analysis.source
+    try:
+        laid_out = formatted(source)
+    except ModelError:
+        laid_out = None
+    units = [(position(source, h.at), h.text) for h in hints.units(analysis, names)]
+    return [colours.encoded(source, names), units, laid_out]
+
+
+def at_place(reading: Reading, place: int) -> list[str]:
+    """The answers at a place."""
+    k = reading.at(place)
+    return asked(reading.analysis(k, reading.opened()), place - reading.starts[k])
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -90,15 +113,48 @@ def test_every_question_has_an_answer(seed):
 
 
 @pytest.mark.parametrize("seed", range(15))
-def test_a_change_inside_of_a_class_gives_the_answers_of_the_whole_text(seed):
-    rng = random.Random(1000 + seed)
+def test_what_is_not_read_again_gives_the_answers_of_the_whole_text(seed):
+    rng, path = random.Random(1000 + seed), "/nowhere/scene.lmo"
     text = "\n".join(p.read_text() for p in rng.sample(MODELS, 3))
-    before = analyse(text, "/nowhere/scene.lmo")
+    reading = read(path, text)
+    answers = Answers(reading)
     for _ in range(2):  # the second one in a text that is wrong, often
-        after = edited(rng, before.source.text)
-        quick, whole = with_change(before, after), analyse(after, "/nowhere/scene.lmo")
-        if quick is not None:
-            assert quick.mended == whole.mended and shown(quick, quick.known) == shown(whole, quick.known)
-            offset = rng.randrange(*quick.known)
-            assert asked(quick, offset) == asked(whole, offset)
-        before = whole
+        shown(answers)
+        text = edited(rng, text)
+        reading = read(path, text, reading.pieces)
+        fresh, answers = read(path, text), Answers(reading, answers)
+        found = shown(answers)
+        assert found == shown(Answers(fresh))
+        assert [found[0], found[1], found[6]] == from_the_whole(text, path)
+        place = rng.randrange(len(text))
+        assert at_place(reading, place) == at_place(fresh, place)
+
+
+def test_declarations_matter_to_those_who_use_them_through_others():
+    parts = {
+        "length": 'type Length = Real(unit="m");\n',
+        "bar": "model Bar\n  parameter Length l = 1;\nend Bar;\n",
+        "frame": "model Frame\n  Bar bar(l = 2);\nequation\n  0 = time;\nend Frame;\n",
+        "other": "model Other\n  Real x = 3;\nend Other;\n",
+    }
+    first = read("/nowhere/scene.lmo", "".join(parts.values()))
+    answers = Answers(first)
+    assert [text for _, text in answers.units()] == [" m", " m"]
+    parts["length"] = 'type Length = Real(unit="mm");\n'
+    second = read("/nowhere/scene.lmo", "".join(parts.values()), first.pieces)
+    assert [text for _, text in Answers(second, answers).units()] == [" mm", " mm"]
+    assert [a is b for a, b in zip(first.pieces, second.pieces)] == [False, True, True, True]
+    assert [a == b for a, b in zip(first.uses, second.uses)] == [False, False, False, True]
+    parts["frame"] = parts["frame"].replace("time", "2*time")  # an equation is nobody else's
+    third = read("/nowhere/scene.lmo", "".join(parts.values()), second.pieces)
+    assert [a == b for a, b in zip(second.uses, third.uses)] == [True, True, True, True]
+
+
+def test_the_tokens_that_an_editor_has_become_the_new_ones():
+    rng = random.Random(5)
+    for _ in range(50):
+        before = [rng.randrange(3) for _ in range(rng.randrange(12))]
+        after = [rng.randrange(3) for _ in range(rng.randrange(12))]
+        for start, gone, new in colours.edits(before, after):
+            before = before[:start] + new + before[start + gone :]
+        assert before == after

@@ -164,6 +164,19 @@ async def test_the_whole_text(client, tmp_path):
     assert [(f.start_line, f.end_line) for f in folds] == [(0, 11)]
     tokens = await client.text_document_semantic_tokens_full_async(lsp.SemanticTokensParams(text.id))
     assert len(tokens.data) % 5 == 0 and len(tokens.data) > 100
+    lines = lsp.Range(lsp.Position(2, 0), lsp.Position(4, 0))
+    some = await client.text_document_semantic_tokens_range_async(lsp.SemanticTokensRangeParams(text.id, lines))
+    assert some.data == tokens.data  # those of the class
+    text.replace("Damper damper", "\n  Damper  damper")
+    changes = lsp.SemanticTokensDeltaParams(text.id, tokens.result_id)
+    (edit,) = (await client.text_document_semantic_tokens_full_delta_async(changes)).edits
+    assert edit.delete_count == len(edit.data) < 10
+    data = [*tokens.data[: edit.start], *edit.data, *tokens.data[edit.start + edit.delete_count :]]
+    whole = await client.text_document_semantic_tokens_full_async(lsp.SemanticTokensParams(text.id))
+    assert data == list(whole.data)
+    text.replace("\n  Damper  damper", "Damper damper")
+    places = lsp.DocumentHighlightParams(text.id, text.at("mass.q"))
+    assert len(await client.text_document_document_highlight_async(places)) == TEXT.count("mass.") + 1
     options = lsp.FormattingOptions(2, True)
     (edit,) = await client.text_document_formatting_async(lsp.DocumentFormattingParams(text.id, options))
     assert edit.new_text == TEXT

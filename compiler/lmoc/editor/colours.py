@@ -28,6 +28,16 @@ def encoded(source: Source, names: list[Occurrence]) -> list[int]:
     return data
 
 
+def edits(before: list[int], data: list[int]) -> list[tuple[int, int, list[int]]]:
+    """Return what turns one answer into another: start, how many numbers go, and those that come instead."""
+    if before == data:
+        return []
+    shorter = min(len(before), len(data))
+    start = next((k for k in range(shorter) if before[k] != data[k]), shorter)
+    behind = next((k for k in range(shorter - start) if before[-1 - k] != data[-1 - k]), shorter - start)
+    return [(start, len(before) - behind - start, data[start : len(data) - behind])]
+
+
 def _type(o: Occurrence) -> str:
     meaning = o.meaning
     if isinstance(meaning, Member):

@@ -28,7 +28,7 @@ class Hint:
 def units(analysis: Analysis, names: list[Occurrence]) -> Iterator[Hint]:
     """Yield the unit behind each number that a modification or a declaration gives to a quantity."""
     of = {o.start: o for o in names}
-    for node in walk(analysis.file.classes):
+    for node in walk(analysis.placed):
         if isinstance(node, tree.ElementModification | tree.Component) and node.modification is not None:
             value = node.modification.value
             if not isinstance(value, tree.Number | tree.Unary):
@@ -40,15 +40,11 @@ def units(analysis: Analysis, names: list[Occurrence]) -> Iterator[Hint]:
                 yield Hint(value.span.end, f" {unit}")
 
 
-def reductions(analysis: Analysis, checked: Checked | None) -> Iterator[Hint]:
-    """Yield behind the name of each model how many states it has."""
+def reduction(checked: Checked | None, model: str) -> str | None:
+    """Return what is shown behind the name of a model: how many states it has, if that is known."""
     counts = dict(checked.counts) if checked is not None else {}
-    for definition in analysis.classes():
-        scope = analysis.scopes.get(id(definition))
-        found = dict(counts.get(scope.full_name, ())) if scope is not None else {}
-        if "states" in found:
-            n = found["states"]
-            yield Hint(definition.name_span.end, f"  {n} state{'s' * (n != 1)}")
+    n = dict(counts.get(model, ())).get("states")
+    return None if n is None else f"  {n} state{'s' * (n != 1)}"
 
 
 def runnable(analysis: Analysis) -> Iterator[tuple[tree.Class, str]]:

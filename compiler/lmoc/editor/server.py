@@ -21,11 +21,10 @@ from lmoc.editor.completion import proposals, signature
 from lmoc.editor.fixes import fixes
 from lmoc.editor.names import at, occurrences
 from lmoc.editor.navigation import Known
-from lmoc.editor.positions import offset, position, span_range
+from lmoc.editor.positions import below, offset, position, span_range
 from lmoc.editor.rename import RenameRefused, renamable
 from lmoc.editor.rename import rename as renamed
 from lmoc.editor.session import Server, diagnostic, path_of
-from lmoc.messages.diagnostics import ModelError
 from lmoc.messages.source import Span
 
 _MOST_FILES = 300  # of a workspace whose symbols are listed
@@ -93,8 +92,7 @@ def did_close(ls: Server, params: lsp.DidCloseTextDocumentParams) -> None:
     uri = params.text_document.uri
     ls.hold(uri)
     ls.checker.forget(path_of(uri))
-    ls.known.pop(uri, None)
-    ls.checked.pop(uri, None)
+    ls.forget(uri)
     ls.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, []))
 
 
@@ -109,12 +107,12 @@ def shutdown(ls: Server, *_: object) -> None:
 @feature(lsp.TEXT_DOCUMENT_HOVER)
 def hover(ls: Server, params: lsp.HoverParams) -> lsp.Hover | None:
     analysis, place = ls.quick(params.text_document.uri, params.position)
-    source = analysis.source
     found = at(occurrences(analysis, place), place)
     if found is None:
         return None
     text = lsp.MarkupContent(lsp.MarkupKind.Markdown, describe.markdown(found))
-    return lsp.Hover(text, span_range(Span(source, found.start, found.end)))
+    here = ls.reading(params.text_document.uri).here(Span(analysis.source, found.start, found.end))
+    return lsp.Hover(text, None if here is None else span_range(here))
 
 
 @feature(lsp.TEXT_DOCUMENT_COMPLETION, lsp.CompletionOptions(trigger_characters=[".", "("]))
@@ -140,12 +138,13 @@ def signature_help(ls: Server, params: lsp.SignatureHelpParams) -> lsp.Signature
     return lsp.SignatureHelp([one], 0, min(found.active, max(0, len(parameters) - 1)))
 
 
-@server.thread()
 @feature(lsp.TEXT_DOCUMENT_DEFINITION)
 def definition(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
-    own = ls.of(params.text_document.uri)
-    found = navigation.definition(own, offset(own.analysis.source, params.position))
-    return None if found is None else _location(found)
+    analysis, place = ls.quick(params.text_document.uri, params.position)
+    found = at(occurrences(analysis, place), place)
+    if found is None or found.declared is None:
+        return None
+    return _location(ls.reading(params.text_document.uri).here(found.declared) or found.declared)
 
 
 @server.thread()
@@ -163,8 +162,9 @@ def references(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
 @server.thread()
 @feature(lsp.TEXT_DOCUMENT_DOCUMENT_HIGHLIGHT)
 def highlights(ls: Server, params: lsp.DocumentHighlightParams) -> list[lsp.DocumentHighlight]:
-    own = ls.of(params.text_document.uri)
-    found = navigation.references(own, offset(own.analysis.source, params.position), ())
+    with ls.answering:
+        answers = ls.answers(params.text_document.uri)
+        found = answers.places(offset(answers.reading.source, params.position))
     return [lsp.DocumentHighlight(span_range(s)) for s in found]
 
 
@@ -217,28 +217,28 @@ def _location(span: Span) -> lsp.Location:
 @server.thread()
 @feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
 def document_symbols(ls: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
-    return [_symbol(s) for s in outline.symbols(ls.of(params.text_document.uri).analysis)]
+    with ls.answering:
+        return [_symbol(s, line) for s, line in ls.answers(params.text_document.uri).symbols()]
 
 
-def _symbol(s: outline.Symbol) -> lsp.DocumentSymbol:
+def _symbol(s: outline.Symbol, line: int) -> lsp.DocumentSymbol:
     kind = _SYMBOLS.get(s.kind, lsp.SymbolKind.Class)
-    return lsp.DocumentSymbol(
-        s.name, kind, span_range(s.span), span_range(s.name_span), s.detail, children=[_symbol(i) for i in s.inside]
-    )
+    inside = [_symbol(i, line) for i in s.inside]
+    return lsp.DocumentSymbol(s.name, kind, below(s.range, line), below(s.name_range, line), s.detail, children=inside)
 
 
 @server.thread()
 @feature(lsp.WORKSPACE_SYMBOL)
 def workspace_symbols(ls: Server, params: lsp.WorkspaceSymbolParams) -> list[lsp.WorkspaceSymbol]:
     query = params.query.lower()
-    open_texts = {uri: ls.of(uri) for uri in ls.workspace.text_documents}
     found = []
     files = (uris.from_fs_path(str(p)) or "" for p in islice(ls.files(), _MOST_FILES))
-    for uri in dict.fromkeys([*open_texts, *files]):
-        own = open_texts.get(uri) or ls.of(uri)
-        for s in outline.symbols(own.analysis):
+    for uri in dict.fromkeys([*ls.workspace.text_documents, *files]):
+        with ls.answering:
+            symbols = [*ls.answers(uri).symbols()]
+        for s, line in symbols:
             if query in s.name.lower():
-                place = lsp.Location(uri, span_range(s.name_span))
+                place = lsp.Location(uri, below(s.name_range, line))
                 found.append(lsp.WorkspaceSymbol(place, s.name, _SYMBOLS.get(s.kind, lsp.SymbolKind.Class)))
     return found
 
@@ -246,13 +246,10 @@ def workspace_symbols(ls: Server, params: lsp.WorkspaceSymbolParams) -> list[lsp
 @server.thread()
 @feature(lsp.TEXT_DOCUMENT_FOLDING_RANGE)
 def folding(ls: Server, params: lsp.FoldingRangeParams) -> list[lsp.FoldingRange]:
-    found = []
-    for span, comment in outline.folds(ls.of(params.text_document.uri).analysis):
-        range_ = span_range(span)
-        if range_.end.line > range_.start.line:
-            kind = lsp.FoldingRangeKind.Comment if comment else None
-            found.append(lsp.FoldingRange(range_.start.line, range_.end.line, kind=kind))
-    return found
+    with ls.answering:
+        found = [*ls.answers(params.text_document.uri).folds()]
+    kinds = {True: lsp.FoldingRangeKind.Comment, False: None}
+    return [lsp.FoldingRange(first, last, kind=kinds[comment]) for first, last, comment in found]
 
 
 @server.thread()
@@ -261,52 +258,72 @@ def folding(ls: Server, params: lsp.FoldingRangeParams) -> list[lsp.FoldingRange
     lsp.SemanticTokensLegend(token_types=list(colours.TYPES), token_modifiers=list(colours.MODIFIERS)),
 )
 def semantic_tokens(ls: Server, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens:
-    own = ls.of(params.text_document.uri)
-    return lsp.SemanticTokens(colours.encoded(own.analysis.source, own.names))
+    with ls.answering:
+        data = ls.answers(params.text_document.uri).tokens()
+        return lsp.SemanticTokens(data, ls.said(params.text_document.uri, data))
+
+
+@server.thread()
+@feature(lsp.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL_DELTA)
+def changed_semantic_tokens(
+    ls: Server, params: lsp.SemanticTokensDeltaParams
+) -> lsp.SemanticTokens | lsp.SemanticTokensDelta:
+    uri = params.text_document.uri
+    with ls.answering:
+        data, before = ls.answers(uri).tokens(), ls.said_before(uri, params.previous_result_id)
+        own = ls.said(uri, data)
+    if before is None:
+        return lsp.SemanticTokens(data, own)
+    edits = [lsp.SemanticTokensEdit(*edit) for edit in colours.edits(before, data)]
+    return lsp.SemanticTokensDelta(edits, own)
+
+
+@server.thread()
+@feature(lsp.TEXT_DOCUMENT_SEMANTIC_TOKENS_RANGE)
+def some_semantic_tokens(ls: Server, params: lsp.SemanticTokensRangeParams) -> lsp.SemanticTokens:
+    with ls.answering:
+        tokens = ls.answers(params.text_document.uri).tokens(params.range.start.line, params.range.end.line)
+    return lsp.SemanticTokens(tokens)
 
 
 @feature(lsp.TEXT_DOCUMENT_FORMATTING)
 def formatting(ls: Server, params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
     """The standard layout; nothing for a text with mistakes of the grammar, of which something would be lost."""
-    from lmoc.syntax.layout import formatted
-
-    source = ls.of(params.text_document.uri).analysis.source
-    try:
-        text = formatted(source)
-    except ModelError:
-        return []
+    with ls.answering:
+        answers = ls.answers(params.text_document.uri)
+        source, text = answers.reading.source, answers.formatted()
     whole = lsp.Range(lsp.Position(0, 0), position(source, len(source.text)))
-    return [lsp.TextEdit(whole, text)] if text != source.text else []
+    return [lsp.TextEdit(whole, text)] if text is not None and text != source.text else []
 
 
 @server.thread()
 @feature(lsp.TEXT_DOCUMENT_INLAY_HINT)
 def inlay_hints(ls: Server, params: lsp.InlayHintParams) -> list[lsp.InlayHint]:
-    uri = params.text_document.uri
-    own = ls.of(uri)
-    source = own.analysis.source
-    low, high = offset(source, params.range.start), offset(source, params.range.end)
+    uri, asked = params.text_document.uri, params.range
     _, checked = ls.checked.get(uri, ("", None))
-    found = [*hints.units(own.analysis, own.names), *hints.reductions(own.analysis, checked)]
-    return [lsp.InlayHint(position(source, h.at), h.text) for h in found if low <= h.at <= high]
+    with ls.answering:
+        answers = ls.answers(uri)
+        found = [*answers.units(asked.start.line, asked.end.line)]
+        found += [(r.end, text) for r, name in answers.models() if (text := hints.reduction(checked, name)) is not None]
+    return [lsp.InlayHint(place, text) for place, text in found if asked.start <= place <= asked.end]
 
 
 @server.thread()
 @feature(lsp.TEXT_DOCUMENT_CODE_LENS)
 def code_lenses(ls: Server, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
     uri = params.text_document.uri
-    found = []
-    for d, name in hints.runnable(ls.of(uri).analysis):
-        for command, title in hints.COMMANDS:
-            action = lsp.Command(title, command=command, arguments=[uri, name])
-            found.append(lsp.CodeLens(span_range(d.name_span), action))
-    return found
+    with ls.answering:
+        found = [*ls.answers(uri).runnable()]
+    return [
+        lsp.CodeLens(place, lsp.Command(title, command=command, arguments=[uri, name]))
+        for place, name in found for command, title in hints.COMMANDS
+    ]  # fmt: skip
 
 
 @feature(lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix]))
 def code_actions(ls: Server, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
     uri = params.text_document.uri
-    source = ls.of(uri).analysis.source
+    source = ls.reading(uri).source
     low, high = offset(source, params.range.start), offset(source, params.range.end)
     found = []
     text, checked = ls.checked.get(uri, ("", None))

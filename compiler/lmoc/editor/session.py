@@ -11,13 +11,16 @@ from lsprotocol import types as lsp
 from pygls import uris
 from pygls.lsp.server import LanguageServer
 
-from lmoc.editor.analysis import Analysis, analyse, with_change
+from lmoc.editor.analysis import Analysis, analyse
+from lmoc.editor.answers import Answers
 from lmoc.editor.background import Checker, Request
 from lmoc.editor.checking import Checked, Finding
 from lmoc.editor.navigation import Known, known
+from lmoc.editor.pieces import Reading, read
 from lmoc.editor.positions import offset, span_range
 from lmoc.messages.diagnostics import ModelError
 from lmoc.messages.source import Source, Span
+from lmoc.semantics.classes.scope import Scope
 from lmoc.sources.files import OPEN, SUFFIXES, package_file, read_source
 from lmoc.sources.opened import top_folder
 from lmoc.support.version import __version__
@@ -39,8 +42,12 @@ class Server(LanguageServer):
         self.known: dict[str, tuple[str, Others, Known]] = {}  # {uri: (text, the others, what is known of it)}
         self.checked: dict[str, tuple[str, Checked]] = {}  # {uri: (text, what a check of it has found)}
         self._checker: Checker | None = None
-        self._last: tuple[str, str, Others, Analysis | None] | None = None  # what was read of a changed text alone
-        self._lock = threading.Lock()
+        self._readings: dict[str, Reading] = {}  # {uri: its text in pieces}
+        self._answers: dict[str, tuple[str, Others, Answers]] = {}  # {uri: (text, the others, about all of it)}
+        self._said: dict[str, tuple[str, list[int]]] = {}  # {uri: (their name, the tokens of the last answer)}
+        self._count = 0  # answers with tokens
+        self._scopes: tuple[Reading, Others, Scope] | None = None  # those in which the last place was looked at
+        self._lock, self._reading_lock, self.answering = threading.Lock(), threading.Lock(), threading.RLock()
 
     @property
     def checker(self) -> Checker:
@@ -70,7 +77,8 @@ class Server(LanguageServer):
     def read_again(self) -> None:
         """Forget what is known: files have changed."""
         self.known.clear()
-        self._last = None
+        self._answers.clear()
+        self._scopes = None
 
     def hold(self, uri: str) -> None:
         """Have an open text read in the place of its file; of one that is closed, the file again."""
@@ -80,26 +88,49 @@ class Server(LanguageServer):
         else:
             OPEN.pop(path, None)
 
-    def quick(self, uri: str, place: lsp.Position) -> tuple[Analysis, int]:
-        """Return what is known of an open text around a place, and the character there.
+    def reading(self, uri: str) -> Reading:
+        """Return a text in pieces: those that have been read before are not read again."""
+        text = self.text(uri)
+        with self._reading_lock:
+            kept = self._readings.get(uri)
+            if kept is None or kept.source.text != text:
+                kept = self._readings[uri] = read(path_of(uri), text, () if kept is None else kept.pieces)
+            return kept
 
-        Where the text has been changed since all of it was read, and the place is where it has been, only that part is.
-        """
-        text, others = self.text(uri), self._versions(uri)
-        kept, last = self.known.get(uri), self._last
-        if last is not None and last[:3] == (uri, text, others):
-            found = last[3]
-        elif kept is not None and kept[1] == others and kept[0] != text:
-            found = with_change(kept[2].analysis, text)
-            self._last = uri, text, others, found
-        else:
-            found = None
-        if found is not None:
-            at = offset(found.source, place)
-            if found.known.start <= at and (at < found.known.end or found.known.end == len(text)):
-                return found, at
-        whole = self.of(uri).analysis
-        return whole, offset(whole.source, place)
+    def quick(self, uri: str, place: lsp.Position) -> tuple[Analysis, int]:
+        """Return what is known of the piece of a text around a place, and the character in this piece."""
+        reading, others = self.reading(uri), self._versions(uri)
+        if self._scopes is None or self._scopes[0] is not reading or self._scopes[1] != others:
+            self._scopes = reading, others, reading.opened()
+        at = offset(reading.source, place)
+        k = reading.at(at)
+        return reading.analysis(k, self._scopes[2]), at - reading.starts[k]
+
+    def answers(self, uri: str) -> Answers:
+        """Return the answers about all of a text; to be asked while `answering` is held."""
+        reading, others = self.reading(uri), self._versions(uri)
+        kept = self._answers.get(uri)
+        if kept is not None and kept[:2] == (reading.source.text, others):
+            return kept[2]
+        made = Answers(reading, *((None, False) if kept is None else (kept[2], kept[1] == others)))
+        self._answers[uri] = reading.source.text, others, made
+        return made
+
+    def said(self, uri: str, tokens: list[int]) -> str:
+        """Keep the tokens that are said of a text, and return the name under which an editor refers to them."""
+        self._said[uri] = str(self._count), tokens
+        self._count += 1
+        return self._said[uri][0]
+
+    def said_before(self, uri: str, name: str) -> list[int] | None:
+        """Return the tokens that have been said under a name; None where others were said since."""
+        last, tokens = self._said.get(uri, ("", None))
+        return tokens if last == name else None
+
+    def forget(self, uri: str) -> None:
+        """A text is closed: nothing of it is kept."""
+        for kept in (self.known, self.checked, self._readings, self._answers, self._said):
+            kept.pop(uri, None)
 
     def others(self, uri: str, *names: str) -> Iterator[Known]:
         """Yield what is known of the other texts, open or in `files`, in which one of the names occurs."""

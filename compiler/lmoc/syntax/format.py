@@ -33,6 +33,11 @@ def format(file: tree.File) -> str:
     file : tree.File
         As parsed without errors: what was not understood would be lost.
     """
+    return joined([written(file)])
+
+
+def written(file: tree.File) -> tuple[list[str], bool]:
+    """Return the lines of a file in the standard layout, and whether a blank line stands behind them."""
     page = _Page(file.span)
     if file.within:
         page.line(f"within {'.'.join(file.within)};")
@@ -40,7 +45,17 @@ def format(file: tree.File) -> str:
         page.begin(definition.span)
         _class(page, definition)
     page.comments_before(len(page.text))
-    return "\n".join(page.lines) + "\n" if page.lines else ""
+    return page.lines, bool(page.lines and page.lines[-1]) and page.blank_line_before(len(page.text))
+
+
+def joined(parts: Iterable[tuple[list[str], bool]]) -> str:
+    """Return the text of what has been written of some parts of a text, one behind the other."""
+    lines: list[str] = []
+    apart = False
+    for own, open_end in parts:
+        lines += [""] * (apart and bool(own)) + own
+        apart = open_end if own else apart
+    return "\n".join(lines) + "\n" if lines else ""
 
 
 class _Page:
@@ -89,9 +104,12 @@ class _Page:
             self.reached = comment.end
 
     def _blank_line(self, position: int) -> None:
-        before = self.text[self.reached : position]
-        if self.lines and self.lines[-1] and re.search(r"\n[ \t\r]*\n", before):
+        if self.lines and self.lines[-1] and self.blank_line_before(position):
             self.lines.append("")
+
+    def blank_line_before(self, position: int) -> bool:
+        """Return whether there was one between what is written and a position."""
+        return re.search(r"\n[ \t\r]*\n", self.text[self.reached : position]) is not None
 
 
 def _without_strings(line: str) -> str:

@@ -1,0 +1,197 @@
+"""What an editor asks of a whole text, answered piece by piece: what has not changed is not asked again.
+
+The answers of a piece count lines from its beginning, so that they hold wherever it stands. They are asked again when
+its text has changed, or declarations that the meaning of its names can depend on (`Reading.uses`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+
+from lsprotocol import types as lsp
+
+from lmoc.editor import colours, hints, outline
+from lmoc.editor.analysis import Analysis
+from lmoc.editor.names import Occurrence, at, occurrences
+from lmoc.editor.pieces import Piece, Reading
+from lmoc.editor.positions import below, position, span_range
+from lmoc.messages.diagnostics import Report
+from lmoc.messages.source import Span
+from lmoc.semantics.classes.scope import Scope
+from lmoc.support.records import dataclass
+from lmoc.syntax.format import joined, written
+
+
+@dataclass(frozen=True, eq=False)
+class Names:
+    """What the names of a piece mean.
+
+    Attributes
+    ----------
+    tokens : line, character, length, type and modifiers of each, from the one before it
+    lines : from its beginning to its last token
+    units : where a unit is shown, and which
+    models : the place of the name of each class, and its full name
+    runnable : of those that can be run
+    """
+
+    tokens: list[int]
+    lines: int
+    units: tuple[tuple[lsp.Position, str], ...]
+    models: tuple[tuple[lsp.Range, str], ...]
+    runnable: tuple[tuple[lsp.Range, str], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """What follows from the text of a piece alone."""
+
+    symbols: tuple[outline.Symbol, ...]
+    folds: tuple[tuple[int, int, bool], ...]
+
+
+class Answers:
+    """The answers to all questions about a text as a whole.
+
+    Parameters
+    ----------
+    reading : Reading
+    before : the answers of an older text, from which those are taken that hold
+    among_the_same : whether the older one stood among the same other texts
+    """
+
+    def __init__(self, reading: Reading, before: Answers | None = None, among_the_same: bool = True) -> None:
+        self.reading = reading
+        self._layouts: dict[Piece, Layout] = {} if before is None else before._layouts
+        self._formatted: dict[Piece, tuple[list[str], bool]] = {} if before is None else before._formatted
+        self._names: dict[Piece, tuple[tuple[str, ...], Names]] = {}
+        if before is not None and among_the_same:
+            self._names = before._names
+        self._occurrences: dict[int, list[Occurrence]] = {}
+        alive = set(reading.pieces)
+        for kept in (self._layouts, self._formatted, self._names):
+            for piece in [p for p in kept if p not in alive]:
+                del kept[piece]
+
+    @cached_property
+    def _root(self) -> Scope:
+        return self.reading.opened()
+
+    def _analysis(self, k: int) -> Analysis:
+        return self.reading.analysis(k, self._root)
+
+    # ------------------------------------------------------------------ of the text alone
+
+    def _layout(self, k: int) -> Layout:
+        piece = self.reading.pieces[k]
+        if piece not in self._layouts:
+            analysis = Analysis(piece.source, piece.file, _NOWHERE)
+            folds = ((span_range(span), comment) for span, comment in outline.folds(analysis))
+            lines = tuple((r.start.line, r.end.line, comment) for r, comment in folds if r.end.line > r.start.line)
+            self._layouts[piece] = Layout(tuple(outline.symbols(analysis)), lines)
+        return self._layouts[piece]
+
+    def symbols(self) -> Iterator[tuple[outline.Symbol, int]]:
+        """Yield the outline, each class with the line with which its piece begins."""
+        for k, line in self._beginnings():
+            yield from ((s, line) for s in self._layout(k).symbols)
+
+    def folds(self) -> Iterator[tuple[int, int, bool]]:
+        """Yield first and last line of what can be folded, and whether it is a comment."""
+        for k, line in self._beginnings():
+            yield from ((a + line, b + line, comment) for a, b, comment in self._layout(k).folds)
+
+    def formatted(self) -> str | None:
+        """Return the text in the standard layout; None where something of it would be lost."""
+        pieces = self.reading.pieces
+        if any(d.severity == "error" for p in pieces for d in p.diagnostics):
+            return None
+        for piece in pieces:
+            if piece not in self._formatted:
+                self._formatted[piece] = written(piece.file)
+        return joined([self._formatted[p] for p in pieces])
+
+    def _beginnings(self) -> Iterator[tuple[int, int]]:
+        yield from zip(range(len(self.reading.pieces)), self.reading.lines)
+
+    # ------------------------------------------------------------------ of names
+
+    def _of_names(self, k: int) -> Names:
+        piece, uses = self.reading.pieces[k], self.reading.uses[k]
+        kept = self._names.get(piece)
+        if kept is None or kept[0] != uses:
+            kept = self._names[piece] = uses, _names_of(self._analysis(k), self.occurrences(k))
+        return kept[1]
+
+    def occurrences(self, k: int) -> list[Occurrence]:
+        """Return the names of a piece, with places in its text."""
+        if k not in self._occurrences:
+            self._occurrences[k] = occurrences(self._analysis(k))
+        return self._occurrences[k]
+
+    def tokens(self, first: int = 0, last: int | None = None) -> list[int]:
+        """Return the names as the protocol packs them, of the pieces that have some of these lines."""
+        data: list[int] = []
+        reached = 0
+        for k, line in self._some(first, last):
+            own = self._of_names(k)
+            if own.tokens:
+                data += [line + own.tokens[0] - reached, *own.tokens[1:]]
+                reached = line + own.lines
+        return data
+
+    def units(self, first: int = 0, last: int | None = None) -> Iterator[tuple[lsp.Position, str]]:
+        """Yield where a unit is to be shown, and which."""
+        for k, line in self._some(first, last):
+            units = self._of_names(k).units
+            yield from ((lsp.Position(place.line + line, place.character), text) for place, text in units)
+
+    def models(self) -> Iterator[tuple[lsp.Range, str]]:
+        """Yield the place of the name of each class, and its full name."""
+        yield from self._ranges(lambda names: names.models)
+
+    def runnable(self) -> Iterator[tuple[lsp.Range, str]]:
+        """Yield the same of those that can be run."""
+        yield from self._ranges(lambda names: names.runnable)
+
+    def _ranges(self, of: Callable[[Names], Sequence[tuple[lsp.Range, str]]]) -> Iterator[tuple[lsp.Range, str]]:
+        for k, line in self._beginnings():
+            yield from ((below(place, line), text) for place, text in of(self._of_names(k)))
+
+    def _some(self, first: int, last: int | None) -> Iterator[tuple[int, int]]:
+        lines = self.reading.lines
+        for k, line in self._beginnings():
+            if lines[k + 1] >= first and (last is None or line <= last):
+                yield k, line
+
+    def places(self, place: int) -> list[Span]:
+        """Return all places of the name at a character in this text."""
+        k = self.reading.at(place)
+        found = at(self.occurrences(k), place - self.reading.starts[k])
+        if found is None or found.declared is None:
+            return []
+        place_of, text = _identity(found.declared), self.reading.pieces[k].source.text[found.start : found.end]
+        words = {text, found.declared.text}
+        return [
+            Span(self.reading.source, self.reading.starts[j] + o.start, self.reading.starts[j] + o.end)
+            for j, piece in enumerate(self.reading.pieces) if not words.isdisjoint(piece.words)
+            for o in self.occurrences(j) if o.declared is not None and _identity(o.declared) == place_of
+        ]  # fmt: skip
+
+
+_NOWHERE = Scope(None, None, Report(), False)  # the outline asks for no scopes
+
+
+def _identity(span: Span) -> tuple[int, int]:
+    return id(span.source), span.start
+
+
+def _names_of(analysis: Analysis, names: list[Occurrence]) -> Names:
+    source = analysis.source
+    tokens = colours.encoded(source, names)
+    units = tuple((position(source, h.at), h.text) for h in hints.units(analysis, names))
+    models = tuple((span_range(d.name_span), scope.full_name) for d in analysis.classes()
+                   if (scope := analysis.scopes.get(id(d))) is not None)  # fmt: skip
+    runnable = tuple((span_range(d.name_span), name) for d, name in hints.runnable(analysis))
+    return Names(tokens, sum(tokens[::5]), units, models, runnable)
