@@ -3,9 +3,9 @@
 Each text, every third one that of a file in a package of several files, is edited 20 times in a row. After each edit
 every question of an editor is asked, where only the piece around the change is read and where nothing has been read
 before, and answers are compared, those about the whole text also with such that are not made of pieces; after every
-tenth one the diagnostics are made, in this process, which has made
-many, and in one that has made none, and compared. Printed are exceptions and differences with their seeds, and the
-processor time that the questions took.
+tenth one the diagnostics are made, in this process, which has made many, in one that has made none, and model by model
+of the whole text, and compared. Printed are exceptions and differences with their seeds, and the processor time that
+the questions took.
 """
 
 from __future__ import annotations
@@ -25,9 +25,13 @@ sys.path.insert(0, str(Path(__file__).parent / "editor"))
 
 from test_random_edits import MODELS, at_place, edited, from_the_whole, shown  # noqa: E402
 
+from lmoc.compilation import compiled, scene_of  # noqa: E402
+from lmoc.editor.analysis import folders_around  # noqa: E402
 from lmoc.editor.answers import Answers  # noqa: E402
-from lmoc.editor.checking import Checked, check  # noqa: E402
+from lmoc.editor.checking import Checked, Checks, _finding, _Text  # noqa: E402
 from lmoc.editor.pieces import read  # noqa: E402
+from lmoc.messages.diagnostics import ModelError  # noqa: E402
+from lmoc.messages.source import Source  # noqa: E402
 
 EDITS = 20  # of one text
 CHECKED = 10  # every so many of them
@@ -48,7 +52,7 @@ class Fresh:
                     os._exit(0)
                 child = os.fork()
                 if child == 0:
-                    far.send(_checked(text, path))
+                    far.send(_checked(text, path, Checks()))
                     os._exit(0)
                 os.waitpid(child, 0)
         far.close()
@@ -58,11 +62,24 @@ class Fresh:
         return self.near.recv()
 
 
-def _checked(text: str, path: str) -> Checked | str:
+def _checked(text: str, path: str, checks: Checks) -> Checked | str:
     try:
-        return pickle.loads(pickle.dumps(check(text, path)))  # noqa: S301  as it passes between processes
+        return pickle.loads(pickle.dumps(checks.check(text, path)))  # noqa: S301  as it passes between processes
     except Exception:
         return traceback.format_exc(limit=-3)
+
+
+def _of_the_whole(text: str, path: str) -> set[tuple[str, object]]:
+    """What `lmoc check` says of the models of a text that is parsed as a whole, but of classes left out."""
+    said = set()
+    for model in _Text(read(path, text)).models():
+        try:
+            folder = [str(f.path) for f in folders_around(text, path)]
+            found = compiled(Source(path, text), scene_of(model.asked, path=folder)).check()
+        except ModelError as error:
+            found = error.diagnostics
+        said |= {_finding(d) for d in found if d.code != "W0246"}
+    return said
 
 
 def packaged(rng: random.Random, folder: Path) -> Path:
@@ -90,7 +107,8 @@ def session(seed: int, fresh: Fresh, spent: dict[str, list[float]], counted: Cou
         if seed % PACKAGED == 1:  # several classes
             text = "\n".join([text, *(p.read_text(encoding="utf-8") for p in rng.sample(MODELS, 2))])
         reading = read(str(path), text)
-        answers = Answers(reading)
+        answers, checks = Answers(reading), Checks()
+        checks.check(text, str(path))
         for k in range(EDITS):
             text = edited(rng, text)
             if not text:
@@ -111,7 +129,12 @@ def session(seed: int, fresh: Fresh, spent: dict[str, list[float]], counted: Cou
                 print(f"seed {seed}, edit {k}: answers differ{' from those of the whole text' * same}", flush=True)
             if k % CHECKED == CHECKED - 1:
                 counted["checks"] += 1
-                here, there = _checked(text, str(path)), fresh.check(text, str(path))
+                here, there = _checked(text, str(path), checks), fresh.check(text, str(path))
+                if isinstance(here, Checked):
+                    own = {f for f in here.findings if f.code != "W0246"}
+                    if (other := _of_the_whole(text, str(path))) != own:
+                        counted["diagnostics of the whole text differ"] += 1
+                        print(f"seed {seed}, edit {k}: of the whole\n{own - other}\n{other - own}", flush=True)
                 counted["exceptions"] += isinstance(here, str)
                 if here != there or isinstance(here, str):
                     counted["diagnostics differ"] += here != there
@@ -121,7 +144,8 @@ def session(seed: int, fresh: Fresh, spent: dict[str, list[float]], counted: Cou
 def main(first: int, count: int, seconds: float) -> None:
     fresh = Fresh()
     spent: dict[str, list[float]] = {"at a place": [], "about the whole text": []}
-    counted: Counter = Counter({"exceptions": 0, "answers differ": 0, "diagnostics differ": 0})
+    counted: Counter = Counter({"exceptions": 0, "answers differ": 0, "diagnostics differ": 0,
+                               "diagnostics of the whole text differ": 0})  # fmt: skip
     until = time.monotonic() + seconds
     seed = first
     for seed in range(first, first + -(-count // EDITS)):

@@ -12,6 +12,7 @@ from lmoc.messages.budgeted import budgeted
 from lmoc.messages.source import Source
 from lmoc.parameters import Value, check_mappings
 from lmoc.pipeline import Clock, Scene
+from lmoc.syntax.tree import File
 
 
 @budgeted("the compilation")
@@ -71,9 +72,11 @@ def scene_of(
 
 @budgeted("the compilation")
 def compiled(
-    named: Source | str | Path | Sequence[str | Path], scene: Scene, listener: Callable[[str], None] | None = None
+    named: Source | File | str | Path | Sequence[str | Path],
+    scene: Scene,
+    listener: Callable[[str], None] | None = None,
 ) -> DAE:
-    """Return the compiled scene that a text or some files hold. Errors as of `compile`."""
+    """Return the compiled scene that a text, its tree or some files hold. Errors as of `compile`."""
     clock = Clock(listener)
     scene = pipeline.open_scene(named, scene, clock)
     return DAE(scene, pipeline.flatten(scene, clock), clock)

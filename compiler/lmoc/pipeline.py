@@ -83,12 +83,12 @@ class Scene:
 # ----------------------------------------------------------------------------- the stages
 
 
-def open_scene(named: Named | Source, scene: Scene, clock: Clock) -> Scene:
+def open_scene(named: Named | Source | tree.File, scene: Scene, clock: Clock) -> Scene:
     """Return the scene with its files parsed and the folders in which their classes are looked for.
 
     Parameters
     ----------
-    named : files, the name of a class, or a text
+    named : files, the name of a class, a text, or its tree
 
     Raises
     ------
@@ -97,8 +97,9 @@ def open_scene(named: Named | Source, scene: Scene, clock: Clock) -> Scene:
     """
     with clock.stage("parse"):
         from lmoc.sources.opened import open_files, open_source
+        from lmoc.syntax.tree import File
 
-        opened = open_source(named, scene.path) if isinstance(named, Source) else open_files(named, scene.path)
+        opened = open_source(named, scene.path) if isinstance(named, Source | File) else open_files(named, scene.path)
     model = scene.model or opened.model
     return replace(scene, files=opened.files, folders=opened.folders, model=model, named=None)
 

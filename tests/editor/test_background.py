@@ -1,9 +1,50 @@
-"""Checks beside the typing: the newest text is answered, and a key does not cost a process."""
+"""Checks beside the typing: the newest text is answered, and a key costs no process and little of what is known."""
 
 import threading
 
-from lmoc.editor import background
+import pytest
+
+from lmoc.editor import background, checking
 from lmoc.editor.background import Checker, Request
+from lmoc.editor.checking import Checks, Stopped, check
+
+THREE = """model A
+  Real x = y;
+end A;
+model B
+  P p(k = 2);
+end B;
+model C
+  P p(l = 2);
+end C;
+model P
+  parameter Real k = 1;
+end P;
+"""
+
+
+def test_models_that_have_not_changed_are_not_checked_again(monkeypatch):
+    asked, checks = [], Checks()
+    checked = checking._Text.checked
+    monkeypatch.setattr(checking._Text, "checked", lambda self, m: (asked.append(m.name), checked(self, m))[1])
+    first = checks.check(THREE, "/nowhere/three.lmo")
+    assert sorted(f.code for f in first.findings) == ["E0201", "E0205"] and asked == ["A", "B", "C"]
+    steps = {
+        "model B\n": ("model B  // moved\n\n", ["B"]),
+        "l = 2": ("l = 3", ["C"]),
+        "k = 1": ("l = 1", ["B", "C"]),  # in P, of which both are made
+        "Real x = y": ("Real x = y; Real y = 1", ["A"]),
+        "end P;": ("end P", ["B", "C"]),
+    }
+    text = THREE
+    for old, (new, again) in steps.items():
+        text = text.replace(old, new)
+        asked.clear()
+        found = checks.check(text, "/nowhere/three.lmo")
+        assert asked == again
+        assert found == check(text, "/nowhere/three.lmo")
+    with pytest.raises(Stopped):
+        checks.check(THREE, "/nowhere/three.lmo", lambda: False)
 
 
 def test_a_newer_text_waits_for_a_check_that_is_short(monkeypatch):

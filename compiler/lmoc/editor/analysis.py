@@ -90,17 +90,19 @@ def opened(path: str, file: tree.File) -> Scope:
 
 def folders(path: str, file: tree.File) -> tuple[Folder, ...]:
     """Return the folders in which the compiler looks for further classes of a file."""
-    return (*_own_folder(path, file), *folders_of_path(None))
+    return (*own_folder(path, file), *folders_of_path(None))
 
 
-def _own_folder(path: str, file: tree.File) -> tuple[Folder, ...]:
+def own_folder(path: str, file: tree.File) -> tuple[Folder, ...]:
+    """Return the folder of a file, if it exists."""
     folder = top_folder(Path(path), file)
     return (Folder(folder),) if folder.is_dir() else ()
 
 
+
 def folders_around(text: str, path: str) -> tuple[Folder, ...]:
     """Return the folder in which `lmoc check` looks for further classes of a file; none where it does not exist."""
-    return _own_folder(path, parse(Source(path, text), Report()))
+    return own_folder(path, parse(Source(path, text), Report()))
 
 
 def place_of(span: Span) -> tuple[str, int]:

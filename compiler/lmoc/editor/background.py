@@ -1,7 +1,8 @@
 """Checks in a process of their own, so that typing is never slowed by them.
 
-One check runs at a time. A newer text of the same file takes the place of one that waits, and of one that has run for
-some time; a check that takes longer than its budget is ended, and that is said instead of its findings.
+One check runs at a time. A newer text of the same file takes the place of one that waits, and of one that runs, which
+is given up after the model that is being checked; a model that takes longer than its budget ends the process, and that
+is said instead of its findings.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
-from lmoc.editor.checking import Checked, Finding, check
+from lmoc.editor.checking import Checked, Checks, Finding, Stopped
 from lmoc.support.records import dataclass
 
 BUDGET = 30.0  # s
-PATIENCE = 2.0  # s that a check of a text goes on when there is a newer one: to begin a process anew costs as much
+PATIENCE = 5.0  # s that a model is checked when there is a newer text: with a process goes all that it has checked
+_MOVES, _STOP = "moves on", "stop"
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Checker:
     Parameters
     ----------
     deliver : called for every text that has been checked and that is still the newest of its file
-    budget : s, for one text
+    budget : s, for one model
     """
 
     def __init__(self, deliver: Deliver, budget: float = BUDGET) -> None:
@@ -95,20 +97,28 @@ class Checker:
         try:
             pipe = self._connected()
             pipe.send((request.text, request.path))
-            waited = 0.0
-            while not pipe.poll(0.05):
-                waited += 0.05
-                if self._closed or request.path in self._waiting and waited > PATIENCE:
-                    self._end_process()
-                    return None
-                if waited > self._budget:
-                    self._end_process()
-                    return _without_end(self._budget)
-            answer = pipe.recv()
+            waited, told = 0.0, False
+            while True:
+                while not pipe.poll(0.05):
+                    waited += 0.05
+                    newer = self._closed or request.path in self._waiting
+                    if newer and not told:
+                        pipe.send(_STOP)
+                        waited, told = 0.0, True
+                    if self._closed or told and waited > PATIENCE:
+                        self._end_process()
+                        return None
+                    if waited > self._budget:
+                        self._end_process()
+                        return _without_end(self._budget)
+                kind, answer = pipe.recv()
+                if kind != _MOVES:
+                    break
+                waited = 0.0
         except (OSError, EOFError):  # the process has died: of memory, say
             self._end_process()
             return None if self._closed else _failed("the process that checks this file has ended")
-        return answer if isinstance(answer, Checked) else _failed(answer)
+        return _failed(answer) if isinstance(answer, str) else answer
 
     def _connected(self) -> Connection:
         if self._process is None or not self._process.is_alive() or self._pipe is None:
@@ -127,16 +137,28 @@ class Checker:
 
 def _serve(pipe: Connection) -> None:
     """The work of the process: a text in, what is found out."""
+    checks = Checks()
+
+    def go_on() -> bool:
+        pipe.send((_MOVES, None))
+        return not pipe.poll()
+
     while True:
         try:
-            text, path = pipe.recv()
+            asked = pipe.recv()
         except (EOFError, OSError, KeyboardInterrupt):
             return
+        if asked == _STOP:
+            continue  # that had ended in the meantime
+        answer: Checked | str | None
         try:
-            answer: Checked | str = check(text, path)
+            text, path = asked
+            answer = checks.check(text, path, go_on)
+        except Stopped:
+            answer = None
         except Exception as error:  # a mistake of lmoc's: said in the editor, not lost in a process
             answer = f"lmoc itself failed: {type(error).__name__}: {error}"
-        pipe.send(answer)
+        pipe.send(("answer", answer))
 
 
 def _failed(what: str) -> Checked:

@@ -1,19 +1,30 @@
 """The diagnostics of a text: those of `lmoc check`, for every model that could be meant.
 
-Checking solves for the start of a scene and can take seconds; an editor has it done in a process of its own, which is
-ended when it takes too long or when the text has changed in the meantime.
+Checking solves for the start of a scene and can take seconds; an editor has it done in a process of its own
+(`lmoc.editor.background`), in which a model is not checked again as long as the pieces of the text of which it is made
+(`lmoc.editor.pieces`) are the same.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+import re
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
 
-from lmoc.editor.analysis import analyse, folders_around
-from lmoc.messages.diagnostics import Diagnostic, ModelError
+from lmoc.editor.analysis import folders, opened, own_folder
+from lmoc.editor.pieces import Reading, read, with_inner
+from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.messages.source import Source, Span
+from lmoc.support.quoted import split
 from lmoc.support.records import dataclass
+from lmoc.syntax import tree
+from lmoc.syntax.classwise import parse_classwise, with_mistakes
 
 MOST_MODELS = 20  # of one text that are checked
+_LINE = re.compile(r"\bline \d+|:\d+:\d+")  # a place in a message itself
 
 
 @dataclass(frozen=True)
@@ -52,6 +63,23 @@ class Checked:
     counts: tuple[tuple[str, tuple[tuple[str, int], ...]], ...]
 
 
+@dataclass(frozen=True)
+class _Found:
+    """What a check of one model has found.
+
+    Attributes
+    ----------
+    begin : where the pieces of which it is made begin
+    """
+
+    findings: tuple[Finding, ...]
+    counts: tuple[tuple[str, int], ...] | None
+    begin: tuple[int, ...]
+
+
+Kept = dict[tuple[object, ...], _Found]
+
+
 def check(text: str, path: str) -> Checked:
     """Check every model of a text that `lmoc check` would take with ``--model`` or without.
 
@@ -59,45 +87,204 @@ def check(text: str, path: str) -> Checked:
     ----------
     path : of the file that the text belongs to
     """
-    findings: dict[Finding, None] = {}
-    counts = []
-    for model in _models(text, path):
-        said, counted = _check_one(text, path, model)
-        findings.update(dict.fromkeys(map(_finding, said)))
-        if counted is not None:
-            counts.append(counted)
-    return Checked(tuple(findings), tuple(counts))
+    return Checks().check(text, path)
 
 
-def _models(text: str, path: str) -> Sequence[str | None]:
-    """The models to check; None stands for the one that is meant where none is named."""
-    from lmoc.semantics.classes.choose import choose_model
-    from lmoc.semantics.mistakes.wrong import NoModel, SeveralModels, Wrong
-
-    analysis = analyse(text, path)
-    try:
-        choose_model(analysis.root, [analysis.file], None)
-    except SeveralModels as wrong:
-        return wrong.names[:MOST_MODELS]
-    except NoModel:
-        if any(True for _ in analysis.classes()):
-            return ()
-    except Wrong:
-        pass  # it will be said
-    return (None,)
+class Stopped(Exception):
+    """A check has been given up."""
 
 
-def _check_one(
-    text: str, path: str, model: str | None
-) -> tuple[Sequence[Diagnostic], tuple[str, tuple[tuple[str, int], ...]] | None]:
-    from lmoc.compilation import compiled, scene_of
+class Checks:
+    """Checks texts one after the other: models that have not changed are not checked again."""
 
-    try:
-        dae = compiled(Source(path, text), scene_of(model, path=[str(f.path) for f in folders_around(text, path)]))
-        said = dae.check()
-        return said, (dae.name, tuple(dae.reduced.counts.items()))
-    except ModelError as error:
-        return error.diagnostics, None
+    def __init__(self) -> None:
+        self._readings: dict[str, Reading] = {}
+        self._kept: dict[str, Kept] = {}  # {path: what was found in its last text}
+
+    def check(self, text: str, path: str, go_on: Callable[[], bool] = lambda: True) -> Checked:
+        """Return what a check of a text finds, as the function `check`.
+
+        Parameters
+        ----------
+        go_on : asked after each model; where it says no, the check is given up
+
+        Raises
+        ------
+        Stopped
+        """
+        before = self._readings.get(path)
+        reading = self._readings[path] = read(path, text, () if before is None else before.pieces)
+        one = _Text(reading)
+        if any(d.severity == "error" for d in one.misplaced):
+            return Checked(tuple(map(_finding, one.misplaced)), ())
+        kept = self._kept.setdefault(path, {})
+        found: list[tuple[str, _Found]] = []
+        used: Kept = {}
+        for model in one.models():
+            key = one.key(model)
+            own = kept.get(key)
+            if own is None:
+                own = one.checked(model)
+                if one.holds(model, own):
+                    kept[key] = own
+                if not go_on():
+                    raise Stopped
+            if key in kept:
+                used[key] = own
+            found.append((model.name, one.here(model, own)))
+        self._kept[path] = used
+        findings = dict.fromkeys(f for _, own in found for f in own.findings)
+        findings.update(dict.fromkeys(one.left_out([own.findings for _, own in found])))
+        return Checked(tuple(findings), tuple((name, own.counts) for name, own in found if own.counts is not None))
+
+
+@dataclass(frozen=True)
+class _Model:
+    """A model to check; without `asked` for the one that is meant where none is named.
+
+    Attributes
+    ----------
+    pieces : those of which it can be made; None for all
+    """
+
+    name: str
+    asked: str | None
+    pieces: tuple[int, ...] | None
+
+
+class _Text:
+    """A text whose models are checked."""
+
+    def __init__(self, reading: Reading) -> None:
+        self.reading = reading
+        split_up = [with_mistakes(p.file, p.diagnostics) for p in reading.pieces]
+        self.misplaced = [self._moved(d) for _, rest in split_up for d in rest]
+        self._classes = [own.classes for own, _ in split_up]
+
+    def models(self) -> Sequence[_Model]:
+        """The models to check."""
+        from lmoc.semantics.classes.choose import choose_model
+        from lmoc.semantics.mistakes.wrong import NoModel, SeveralModels, Wrong
+
+        file = self.reading.file
+        try:
+            one = choose_model(opened(self.reading.source.name, file), [file], None)
+            return [_Model(one.full_name, None, self._needs(one.full_name))]
+        except SeveralModels as wrong:
+            return [_Model(name, name, self._needs(name)) for name in wrong.names[:MOST_MODELS]]
+        except NoModel:
+            if file.classes:
+                return ()
+        except Wrong:
+            pass  # it will be said
+        return [_Model("", None, None)]
+
+    def _needs(self, name: str) -> tuple[int, ...] | None:
+        first = split(name)[0]
+        k = next((k for k, p in enumerate(self.reading.pieces) if any(c.name == first for c in p.file.classes)), None)
+        needed = None if k is None else self.reading.needs[k]
+        return None if needed is None else tuple(sorted(needed))
+
+    def key(self, model: _Model) -> tuple[object, ...]:
+        """All that the outcome depends on: the pieces, and what else there is, which a hint may name."""
+        texts = () if model.pieces is None else tuple(self.reading.pieces[k].source.text for k in model.pieces)
+        return model, texts, self._names, self._around
+
+    @cached_property
+    def _names(self) -> tuple[tuple[str, str, bool], ...]:
+        return tuple((c.name, c.kind, c.partial) for c in with_inner(self.reading.file.classes))
+
+    @cached_property
+    def _around(self) -> tuple[tuple[str, int, int], ...]:
+        """The files in which further classes are looked for, as they are now."""
+        entries = (e for f in folders(self.reading.source.name, self.reading.file) for e in os.scandir(f.path))
+        return tuple(sorted((e.path, e.stat().st_mtime_ns, e.stat().st_size) for e in entries if e.is_file()))
+
+    def checked(self, model: _Model) -> _Found:
+        """Check a model."""
+        from lmoc.compilation import compiled, scene_of
+
+        path = [str(f.path) for f in own_folder(self.reading.source.name, self.reading.file)]
+        said: Sequence[Diagnostic]
+        try:
+            dae = compiled(self._tree(model), scene_of(model.asked, path=path))
+            said, counts = dae.check(), tuple(dae.reduced.counts.items())
+        except ModelError as error:
+            said, counts = error.diagnostics, None
+        return _Found(tuple(_finding(self._moved(d)) for d in said), counts, self._begin(model))
+
+    def _tree(self, model: _Model) -> tree.File:
+        """The tree of the text: its pieces parsed where they stand; of the others what their classes are called."""
+        pieces, starts = self.reading.pieces, self.reading.starts
+        needed = range(len(pieces)) if model.pieces is None else model.pieces
+        text = "".join(p.source.text if k in needed else p.blank for k, p in enumerate(pieces))
+        report = Report()
+        file = parse_classwise(Source(self.reading.source.name, text), report)
+        report.check()
+        classes: list[tree.Class] = []
+        for k, piece in enumerate(pieces):
+            own = (c for c in file.classes if starts[k] <= c.span.start < starts[k + 1])
+            classes += own if k in needed else piece.file.classes
+        return replace(file, classes=tuple(classes))
+
+    def _begin(self, model: _Model) -> tuple[int, ...]:
+        return () if model.pieces is None else tuple(self.reading.starts[k] for k in model.pieces)
+
+    def _moved(self, d: Diagnostic) -> Diagnostic:
+        """A diagnostic with places in the text itself instead of the text of a piece."""
+        here = self.reading.here
+        labels = tuple(replace(label, span=here(label.span) or label.span) for label in d.labels)
+        return replace(d, span=d.span and (here(d.span) or d.span), labels=labels)
+
+    def holds(self, model: _Model, found: _Found) -> bool:
+        """Return whether the outcome says nothing of other pieces, and no lines in words, which may become others."""
+        if model.pieces is None:
+            return False
+        starts = self.reading.starts
+        for f in found.findings:
+            for place in _places(f):
+                k = self.reading.at(place.start)
+                if place.file == self.reading.source.name and (k not in model.pieces or place.end > starts[k + 1]):
+                    return False
+            if any(_LINE.search(text) for text in (f.message, f.expected, f.found, f.hint, *(t for _, t in f.labels))):
+                return False
+        return True
+
+    def here(self, model: _Model, found: _Found) -> _Found:
+        """An outcome with the places that its pieces have in this text."""
+        begin = self._begin(model)
+        if begin == found.begin:
+            return found
+
+        def moved(place: FileRange) -> FileRange:
+            if place.file != self.reading.source.name:
+                return place
+            k = bisect_right(found.begin, place.start) - 1
+            further = begin[k] - found.begin[k]
+            return FileRange(place.file, place.start + further, place.end + further)
+
+        findings = tuple(
+            replace(f, place=f.place and moved(f.place), labels=tuple((moved(p), text) for p, text in f.labels))
+            for f in found.findings
+        )
+        return _Found(findings, found.counts, begin)
+
+    def left_out(self, of_models: Sequence[Iterable[Finding]]) -> Iterator[Finding]:
+        """Warn of classes with mistakes, but for those of which all models are made: there they are errors."""
+        from lmoc.semantics.classes.choose import left_out
+
+        file = replace(self.reading.file, classes=tuple(c for own in self._classes for c in own))
+        for definition in with_inner(file.classes):
+            mistakes = [_finding(self._moved(d)) for d in definition.mistakes if d.severity == "error"]
+            if mistakes and not (of_models and all(mistakes[0] in found for found in of_models)):
+                alone = replace(file, classes=(replace(definition, elements=()),))
+                yield from (_finding(self._moved(d)) for d in left_out([alone], Report()))
+
+
+def _places(f: Finding) -> Iterator[FileRange]:
+    if f.place is not None:
+        yield f.place
+    yield from (place for place, _ in f.labels)
 
 
 def _finding(d: Diagnostic) -> Finding:

@@ -50,11 +50,16 @@ class Piece:
         return frozenset(_WORD.findall(self.source.text))
 
     @cached_property
+    def blank(self) -> str:
+        """Nothing that is as long as the text, line by line."""
+        return re.sub(r"[^\n]", " ", self.source.text)
+
+    @cached_property
     def declarations(self) -> str:
         """The text without equations and statements: all that other classes can know of its classes."""
         if not self.right:
             return self.source.text
-        spans = sorted((item.span.start, item.span.end) for c in _with_inner(self.file.classes)
+        spans = sorted((item.span.start, item.span.end) for c in with_inner(self.file.classes)
                        for body in _BODIES for item in getattr(c, body))  # fmt: skip
         kept, done = [], 0
         for start, end in spans:
@@ -116,35 +121,51 @@ class Reading:
 
     @cached_property
     def uses(self) -> list[tuple[str, ...]]:
-        """For each piece the declarations on which the meaning of its names can depend: equal ones, equal meanings.
+        """For each piece the declarations on which the meaning of its names can depend: equal ones, equal meanings."""
+        everything = tuple(p.source.text for p in self.pieces)
+        reached = self._reached([p.words_of_declarations for p in self.pieces])
+        return [everything if r is None else tuple(self.pieces[j].declarations for j in sorted(r)) for r in reached]
+
+    @cached_property
+    def needs(self) -> list[frozenset[int] | None]:
+        """For each piece those of which its models can be made, itself included; None where that is not known."""
+        reached = self._reached([p.words for p in self.pieces])
+        return [None if r is None else r | {k} for k, r in enumerate(reached)]
+
+    def _reached(self, onward: list[frozenset[str]]) -> list[frozenset[int] | None]:
+        """For each piece those that matter to it; None for all of them.
 
         A name means an element of a class, or a class that is looked up from there. So the classes that matter are
-        those whose names occur in the piece, in the declarations of these, and so on. Classes of other files see all
-        of this one.
+        those whose names occur in the piece, in the text of these (of which `onward` has the words), and so on. Classes
+        of other files see all of this one.
         """
-        everything = tuple(p.source.text for p in self.pieces)
         if self.file.within or any(own_folders(self.file, c) for c in self.file.classes[:1]):
-            return [everything] * len(self.pieces)
+            return [None] * len(self.pieces)
         named: dict[str, list[int]] = {}
         for k, p in enumerate(self.pieces):
             for c in p.file.classes:
                 named.setdefault(c.name, []).append(k)
-        elsewhere = {name for f in folders(self.source.name, self.file) for name in f.names()} - named.keys()
-        onward = [_pieces_of(p.words_of_declarations, named) for p in self.pieces]
-        found = []
+        elsewhere = self._elsewhere() - named.keys()
+        further = [_pieces_of(words, named) for words in onward]
+        found: list[frozenset[int] | None] = []
         for p in self.pieces:
-            reached = _reached(_pieces_of(p.words, named), onward)
-            words = (p.words, *(self.pieces[j].words_of_declarations for j in reached))
-            open_ended = any(not elsewhere.isdisjoint(w) for w in words)
-            found.append(everything if open_ended else tuple(self.pieces[j].declarations for j in sorted(reached)))
+            reached = _followed(_pieces_of(p.words, named), further)
+            open_ended = any(not elsewhere.isdisjoint(w) for w in (p.words, *(onward[j] for j in reached)))
+            found.append(None if open_ended else frozenset(reached))
         return found
+
+    def _elsewhere(self) -> set[str]:
+        """The names in this text of classes that are in files of its folder, or may be."""
+        words = frozenset().union(*(p.words for p in self.pieces))
+        return {name for f in folders(self.source.name, self.file) for name in words.intersection(f.names())
+                if f.may_define(name)}  # fmt: skip
 
 
 def _pieces_of(words: frozenset[str], named: dict[str, list[int]]) -> list[int]:
     return [k for word in named.keys() & words for k in named[word]]
 
 
-def _reached(first: Iterable[int], onward: list[list[int]]) -> set[int]:
+def _followed(first: Iterable[int], onward: list[list[int]]) -> set[int]:
     reached: set[int] = set()
     pending = [*first]
     while pending:
@@ -155,10 +176,11 @@ def _reached(first: Iterable[int], onward: list[list[int]]) -> set[int]:
     return reached
 
 
-def _with_inner(classes: Iterable[tree.Class]) -> Iterator[tree.Class]:
+def with_inner(classes: Iterable[tree.Class]) -> Iterator[tree.Class]:
+    """Yield some classes, each with those inside of it."""
     for definition in classes:
         yield definition
-        yield from _with_inner(e for e in definition.elements if isinstance(e, tree.Class))
+        yield from with_inner(e for e in definition.elements if isinstance(e, tree.Class))
 
 
 def read(path: str, text: str, before: Iterable[Piece] = ()) -> Reading:

@@ -67,10 +67,10 @@ def open_files(named: Named, path: Named | None = None) -> Opened:
     return Opened(files, _distinct([*own, *searched]), classes[0].removeprefix(".") if classes else None)
 
 
-def open_source(source: Source, path: Named | None = None) -> Opened:
-    """Return a text, parsed, that belongs to no folder; otherwise as `open_files`."""
+def open_source(source: Source | tree.File, path: Named | None = None) -> Opened:
+    """Return a text, parsed if it is not yet, that belongs to no folder; otherwise as `open_files`."""
     report = Report()
-    file = parse_classwise(source, report)
+    file = parse_classwise(source, report) if isinstance(source, Source) else source
     report.check()
     return Opened((file,), folders_of_path(path))
 

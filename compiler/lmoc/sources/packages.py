@@ -6,6 +6,7 @@ A class ``Name`` is in ``Name.lmo``, ``Name.mo`` or, with the classes inside of 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import field
 from pathlib import Path
@@ -76,6 +77,12 @@ class Folder:
             self._found[name] = self._read(name, entries) if entries else None
         return self._found[name]
 
+    def may_define(self, name: str) -> bool:
+        """Return whether the file of that name has such a class, as far as its text says; of a folder, true."""
+        files = [self.path / entry for entry in self._listing().get(name, ()) if entry != name]
+        kinds = "model|block|class|connector|record|package|function|type"
+        return not files or any(re.search(rf"\b(?:{kinds})\s+{re.escape(name)}\b", _text(f)) for f in files)
+
     def consulted(self) -> Iterator[Folder]:
         """Yield this folder and those of packages inside of it, as far as something has been looked for there."""
         if self._entries is not None:
@@ -131,6 +138,14 @@ class Folder:
             message = f"'{definition.name}' is not where its file says"
             found = f"within {'.'.join(file.within)};"
             yield Diagnostic("E0244", message, Span(file.span.source, 0, 0), expected=expected, found=found)
+
+
+def _text(file: Path) -> str:
+    """What is in a file; nothing where it cannot be read, which is said where its class is needed."""
+    try:
+        return read_source(file).text
+    except ModelError:
+        return ""
 
 
 def own_folders(file: tree.File, definition: tree.Class) -> tuple[Folder, ...]:

@@ -21,9 +21,15 @@ def parse_classwise(source: Source, report: Report) -> tree.File:
     if not found.errors:
         report.diagnostics += found.diagnostics
         return file
-    inside, rest = _divided(file.classes, found.diagnostics)
+    inside, rest = with_mistakes(file, found.diagnostics)
     report.diagnostics += rest
-    return replace(file, classes=inside)
+    return inside
+
+
+def with_mistakes(file: tree.File, mistakes: Sequence[Diagnostic]) -> tuple[tree.File, list[Diagnostic]]:
+    """Return a tree in which each class holds the mistakes in its own text, and those that stand in no class."""
+    inside, rest = _divided(file.classes, mistakes)
+    return replace(file, classes=inside), rest
 
 
 def _divided(

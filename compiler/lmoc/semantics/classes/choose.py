@@ -115,14 +115,15 @@ def _first_line(files: Sequence[tree.File]) -> Span | None:
 
 def _own_classes(root: Scope, files: Sequence[tree.File]) -> list[Scope]:
     """All classes that the files define, those inside of others included."""
-    sources = {id(file.span.source) for file in files}
+    spans = [(span, k) for k, file in enumerate(files) for span in (file.span, *(c.span for c in file.classes))]
+    sources = {id(span.source): k for span, k in spans}
     found, pending = [], [root]
     while pending:
         for scope in pending.pop().local.values():
             pending.append(scope)
             if id(scope.definition.span.source) in sources:
                 found.append(scope)
-    return sorted(found, key=lambda s: [f.span.source for f in files].index(s.definition.span.source))
+    return sorted(found, key=lambda s: sources[id(s.definition.span.source)])
 
 
 def can_run(scope: Scope) -> bool:
