@@ -13,6 +13,7 @@ from zlib import crc32
 
 from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.messages.source import Source
+from lmoc.sources.lean import lean
 from lmoc.support import cache
 from lmoc.syntax import tree
 from lmoc.syntax.classwise import parse_classwise
@@ -34,12 +35,12 @@ def kept(entry: str, texts: Sequence[str], make: Callable[[], T]) -> T:
 
 
 def package_file_tree(source: Source, report: Report) -> tree.File:
-    """Return the tree of a file of a package, as `parse_classwise`."""
+    """Return the tree of a file of a package, as `parse_classwise`, with what is read of its annotations."""
 
     def make() -> tuple[tree.File, list[Diagnostic]]:
         _make_room()
         found = Report()
-        return parse_classwise(source, found), found.diagnostics
+        return lean(parse_classwise(source, found)), found.diagnostics
 
     place = os.path.abspath(source.name)
     entry = f"{_NAME}{crc32(place.encode()):08x}{crc32(place[::-1].encode()):08x}"
@@ -58,8 +59,9 @@ def _program() -> bytes:
     """Return the key of the code that builds the trees: they are rebuilt when it changes."""
     import lmoc.grammar
     import lmoc.messages
+    import lmoc.sources.lean
 
-    files = [lmoc.messages.source.__file__, lmoc.messages.diagnostics.__file__]
+    files = [lmoc.messages.source.__file__, lmoc.messages.diagnostics.__file__, lmoc.sources.lean.__file__]
     for folder in (os.path.dirname(tree.__file__), os.path.dirname(lmoc.grammar.__file__)):
         files += [os.path.join(folder, name) for name in sorted(os.listdir(folder)) if "." in name]
     return cache.fingerprint(*files)

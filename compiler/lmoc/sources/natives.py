@@ -11,6 +11,7 @@ from functools import cache
 
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source
+from lmoc.sources.kept import kept
 from lmoc.syntax import tree
 
 # without their packages
@@ -29,14 +30,20 @@ def native(full_name: str) -> tree.Class | None:
 @cache
 def _definitions() -> Mapping[str, tree.Class]:
     import lmoc.stdlib
+
+    path, name = os.path.join(os.path.dirname(lmoc.stdlib.__file__), "modelica.mo"), "stdlib/modelica.mo"
+    with open(path, encoding="utf-8") as file:
+        text = file.read()
+    return dict(_inside("", kept("library-modelica", (name, text), lambda: _parse(Source(name, text))).classes))
+
+
+def _parse(source: Source) -> tree.File:
     from lmoc.syntax.parse import parse
 
-    path = os.path.join(os.path.dirname(lmoc.stdlib.__file__), "modelica.mo")
     report = Report()
-    with open(path, encoding="utf-8") as file:
-        parsed = parse(Source("stdlib/modelica.mo", file.read()), report)
+    parsed = parse(source, report)
     report.check()
-    return dict(_inside("", parsed.classes))
+    return parsed
 
 
 def _inside(prefix: str, classes: Iterable[tree.Class]) -> Iterator[tuple[str, tree.Class]]:
