@@ -9,7 +9,7 @@ import pytest
 import lmoc
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.signals.decimal_marks import Ambiguous, Marks, marks_of, number
-from lmoc.numerics.signals.table_files import read_table, table_of_frame
+from lmoc.numerics.signals.table_files import read_table, read_tables, table_of_frame
 
 TIMES, VALUES = [0.0, 0.5, 1.25], [1.5, -2.0, 1234.5]
 
@@ -183,6 +183,22 @@ def test_marks_follow_from_numbers_that_can_be_read_in_one_way():
         marks_of(["1,234"], ["0,25", "0.25"])
     with pytest.raises(ValueError, match="not a number"):
         number("1.5", Marks(","))
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("time,u,v\n0,1,2\n1,2\n2,3,4\n", [("this line has 2 columns", 3)]),
+        ("time,u,v\nx,1,2\n1,y,z\n", [("'x' is not a number", 2), ("'y' is", 3), ("'z' is", 3)]),
+        ("t,u,v\n0,1,2\n", [("cannot be used", 1)]),
+        ("time,a,b\n0,1,2\n", [("input 'u'", 1), ("input 'v'", 1)]),
+    ],
+)
+def test_what_is_wrong_for_several_columns_is_said_once(tmp_path, text, said):
+    (tmp_path / "data.csv").write_text(text)
+    assert read_tables(tmp_path / "data.csv", {"u": "m", "v": "m"}, report := Report()) == {}
+    assert len(report.errors) == len(said)
+    assert all(words in d.message and d.span.line == line for d, (words, line) in zip(report.errors, said))
 
 
 def test_a_data_frame_is_read_by_its_names():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -55,15 +56,22 @@ class _Reader:
     title : of the table
     name : of the input
     unit : of the input, as declared; empty where it has none
+    said : what is wrong at which place: that of several columns is said once
     """
 
     title: str
     name: str
     unit: str
     report: Report
+    said: set[tuple[Span, str, str]] = field(default_factory=set)
 
     def refuse(self, problem: str, span: Span | None = None, **more: str) -> _Refused:
         """Put a mistake into the report; returns what to raise."""
+        if span is not None:
+            own = span, problem, more.get("expected", "")
+            if own in self.said:
+                return _Refused()
+            self.said.add(own)
         message = f"{self.title} for input '{self.name}' cannot be used"
         self.report.error("E0625", f"{message}: {problem}" if problem else message, span, **more)
         return _Refused()
@@ -88,8 +96,9 @@ def read_tables(path: Path, units: Mapping[str, str], report: Report) -> dict[st
     """Return for several names with their units what `read_table` does; the file is read once."""
     found: dict[str, Points] = {}
     table: Sheet | None = None
+    said: set[tuple[Span, str, str]] = set()
     for name, unit in units.items():
-        reader = _Reader(f"the table {path}", name, unit, report)
+        reader = _Reader(f"the table {path}", name, unit, report, said)
         try:
             if table is None:
                 table = sheet(Source(str(path), _text(reader, path)))
@@ -165,8 +174,10 @@ def _columns(reader: _Reader, header: list[str], span: Span | None) -> list[_Col
         return [time[0], value[0]]
     twice = next((n for n, of in (("time", time), (reader.name, value)) if len(of) > 1 and _find(n, header)), "")
     one = "columns are separated by commas, semicolons or tabs" if len(header) == 1 else ""
+    missing = [n for n, of in (("time", time), (reader.name, value)) if not of]
     hint = f"'{twice}' occurs twice" if twice else one
-    raise reader.refuse("", span, expected=_expected(reader), found=", ".join(header), hint=hint)
+    expected = "a header line with a column 'time'" if missing == ["time"] else _expected(reader)
+    raise reader.refuse("", span, expected=expected, found=", ".join(header), hint=hint)
 
 
 def _expected(reader: _Reader) -> str:
