@@ -125,6 +125,53 @@ def test_steps_of_what_is_prescribed():
     assert found[0][1]["last"][-1] == pytest.approx(2, rel=1e-12)
 
 
+OVER_THE_TOP = """
+model Over "a particle on a rod, thrown up against friction, which meets a wall: neither x nor y serves all the way"
+  parameter Real g(unit = "m/s2") = 9.81;
+  Real x(start = 0, fixed = true), y(start = -1), vx(start = -9, fixed = true), vy, T, fn, gap, tau, w;
+  discrete Integer turns(start = 0, fixed = true);
+equation
+  der(x) = vx;
+  der(y) = vy;
+  x^2 + y^2 = 1;
+  w = x*vy - y*vx;
+  der(vx) = -T*x - fn - y*(tau + 9);
+  der(vy) = -T*y - g + x*(tau + 9);
+  gap = 0.6 - x;
+  Law.unilateral(fn, gap);
+  Law.dryFriction(tau, w, 2, 2.5);
+  when x > 0.1 then turns = pre(turns) + 1; end when;
+  annotation(experiment(StopTime = 1.5));
+end Over;
+"""
+TURNING = """
+model Turning "a rod whose end is led back and forth, with a kink in between; the particle is braked as it passes"
+  input Real u(unit = "m") = if time < 0.9 then 0.2*time else 0.18 - 0.5*(time - 0.9);
+  parameter Real g(unit = "m/s2") = 9.81;
+  Real x(start = 0, fixed = true), y(start = -1), vx(start = 7.1, fixed = true), vy, T;
+  discrete Real drag(start = 0, fixed = true);
+equation
+  der(x) = vx;
+  der(y) = vy;
+  der(vx) = -T*x - drag*vx;
+  der(vy) = -T*(y - u) - g - drag*vy;
+  x^2 + (y - u)^2 = 1;
+  when sample(0.2, 0.4) then drag = 0.3 - pre(drag); end when;
+  annotation(experiment(StopTime = 1.5));
+end Turning;
+"""
+
+
+def test_laws_and_events_go_on_in_other_coordinates():
+    scenes = [(lmoc.compile_text(text), {"g": 1.02}) for text in (OVER_THE_TOP, TURNING)]
+    found = repeated(scenes, points=40, solver="dop853", rtol=1e-9)
+    judge(found, 1e-8)
+    for _, run, again in found:
+        assert len(run.coordinates) > 1 and len(again.changes) == len(run.coordinates) - 1
+    kinds = {e.kind for _, run, _ in found for e in run.events}
+    assert {"step", "when", "time", "contact"} <= kinds
+
+
 def test_a_step_without_a_finite_effect_ends_a_run():
     text = """model S parameter Real T(unit = "s") = 3; Motion r(q = if time < T then 0 else 1); Mass m(m = 1);
       Spring s(k = 1); Mass n(m = 1, q(start = 0, fixed = true), v(start = 0, fixed = true));

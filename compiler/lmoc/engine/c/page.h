@@ -146,4 +146,10 @@ void lmoc_page_over(lmoc_page *p, double time);
 int lmoc_page_beside(lmoc_page *p, double time);
 double *lmoc_page_weights(lmoc_page *p);
 
+/* What laws and events stand at, as numbers that the host hands to the same scene in other coordinates, which goes on there
+   from the state at a time: 0, or why laws leave no way. */
+int lmoc_page_carried_count(lmoc_page *p);
+double *lmoc_page_carried(lmoc_page *p);
+int lmoc_page_adopt(lmoc_page *p, double time);
+
 #endif

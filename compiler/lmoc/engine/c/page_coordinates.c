@@ -179,3 +179,51 @@ int lmoc_page_beside(lmoc_page *p, double time) {
 }
 
 double *lmoc_page_weights(lmoc_page *p) { return p->coordinates.beside; }
+
+/* ------------------------------------------------------------------ laws and events in other coordinates */
+
+/* What laws and events stand at: into numbers, or back from them; how many they are. */
+static int64_t carry(lmoc_page *p, double *at, int back) {
+  page_events *v = &p->events;
+  lmoc_instant *e = &v->instant;
+  lmoc_law_run *s = &p->laws.run;
+  const int64_t n = s->k.laws.count, zeros = e->zeros;
+  int64_t total = 0;
+#define EACH(value, count) \
+  for (int64_t k = 0; k < (count); k++, total++) { \
+    if (at && back) value = at[total]; \
+    else if (at) at[total] = value; \
+  }
+  EACH(s->closed[k], n) EACH(s->implied[k], n) EACH(s->direction[k], n) EACH(s->push[k], n) EACH(s->touched[k], n)
+  EACH(s->force[k], n) EACH(s->times->begun, n > 0) EACH(e->v[e->own[k]], e->discrete)
+  EACH(e->zero[k], zeros) EACH(e->margin[k], zeros) EACH(e->largest[k], zeros)
+  EACH(v->hops.home[k], zeros) EACH(v->hops.times[k], zeros * LMOC_CHATTER)
+  EACH(v->next, 1) EACH(p->reached, 1) EACH(p->jumps.passed, 1)
+#undef EACH
+  return total;
+}
+
+int lmoc_page_carried_count(lmoc_page *p) { return (int)carry(p, 0, 0); }
+
+double *lmoc_page_carried(lmoc_page *p) {
+  free(p->coordinates.carried);
+  p->coordinates.carried = calloc((size_t)carry(p, 0, 0), sizeof(double));
+  if (p->coordinates.carried) carry(p, p->coordinates.carried, 0);
+  return p->coordinates.carried;
+}
+
+int lmoc_page_adopt(lmoc_page *p, double time) {
+  lmoc_law_run *s = &p->laws.run;
+  const int64_t laws = s->k.laws.count;
+  carry(p, p->coordinates.carried, 1);
+  memcpy(p->answer, p->x, (size_t)p->n * sizeof(double));
+  p->switched = 1;
+  if (laws) lmoc_page_hold(p);
+  p->events.instant.literal = 0;
+  if (p->events.instant.owner) lmoc_take(&p->events.instant, time, p->answer);
+  if (!laws) return 0;
+  int found = lmoc_law_renew(s);
+  if (!found) found = lmoc_law_go_on(s, time, p->answer, 0);
+  lmoc_page_hold(p);
+  return found;
+}

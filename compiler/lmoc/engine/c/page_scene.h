@@ -72,6 +72,7 @@ typedef struct {
   double until, singular;             /* when steps are no longer to be shorter; when the last passage is singular */
   double beside[2*LMOC_BESIDE];       /* times and weights of places on it */
   int32_t *held;                      /* (3 columns,) */
+  double *carried;                    /* what laws and events go on with in other coordinates */
 } page_coordinates;
 
 struct lmoc_page {

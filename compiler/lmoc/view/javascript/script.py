@@ -119,9 +119,6 @@ def _check(trajectory: Trajectory) -> None:
         raise NotWritten("the equations of the start determine when it samples, which the page does not compute")
     if trajectory.stats.get("solver") == MOREAU:
         raise NotWritten("the run takes steps of equal length with impulses, which the page does not compute")
-    changes = any(p.reduced is not reduced for p in trajectory.segments)
-    if changes and (reduced.switched is not None or flat.events is not None):
-        raise NotWritten("the coordinates of a scene with events change, which the page does not compute")
     for variable, _ in observer.plan.samplers:
         if isinstance(observer.signals[variable], Function):
             name = flat.variable_name(variable)
@@ -149,7 +146,8 @@ class _Scene:
         self.flat: FlatDAE = observer.flat
         self.rtol = float(stats.get("rtol", 1e-6)) * (1.0 if stats.get("solver") == "dop853" else FINER)
         self.automatic = stats.get("reason") != REQUESTED
-        self.first = trajectory.begun or (x, observer.base)
+        own = trajectory.begun if observer is trajectory.observer else None  # other coordinates begin on the way
+        self.first = own or (x, observer.base)
         self.count = self.plan.count
         self.slots = np.full(self.flat.count, -1)
         self.base = list(observer.base)

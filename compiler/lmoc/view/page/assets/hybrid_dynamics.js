@@ -23,6 +23,21 @@ export class HybridDynamics {
     new Float64Array(buffer, room, times.length).set(times);
   }
 
+  /** The same, which goes on in other coordinates of the scene from a place. */
+  adopted(scene, t, x) {
+    const { records, modes, unbooked } = this;
+    const next = Object.assign(new HybridDynamics(scene), { records, modes, unbooked });
+    const [from, to] = [this.scene.programs, scene.programs];
+    const count = from.exports.lmoc_page_carried_count(from.page);
+    const carried = ({ buffer, exports, page }) => new Float64Array(buffer, exports.lmoc_page_carried(page), count);
+    next.laws?.begin();
+    carried(to).set(carried(from));
+    to.x.set(x);
+    const found = to.checkedStatus(to.exports.lmoc_page_adopt(to.page, t));
+    next.laws?.judge(t, found);
+    return next;
+  }
+
   get until() {
     return Math.min(this.handler === null ? this.scene.data.end : this.handler.until, this.nextStep);
   }

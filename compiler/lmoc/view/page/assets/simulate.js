@@ -123,12 +123,13 @@ export class Run {
   /** Go from event to event. */
   *pieces(from) {
     const { times } = this;
-    const { dynamics, data } = this.scene;
+    const { data } = this.scene;
     let x = from;
     let begin = data.begin;
     let serve = this.watched(begin, x);
     if (!serve && !this.watch.determines) this.reason = `the coordinates do not determine ${this.watch.lost} at the start`;
     for (;;) {
+      const { dynamics } = this.scene;
       x = this.pull(begin, x);
       const until = dynamics?.until ?? data.end;
       const end = Math.min(until, this.horizon, this.pulls[this.pulled]?.[0] ?? Infinity);
@@ -208,6 +209,7 @@ export class Run {
       const other = main.choices[choice];
       const state = this.scene.passTo(other, main.data.passages[this.choice][choice], t, x);
       if (!state.every(Number.isFinite)) continue;
+      other.dynamics = this.scene.dynamics?.adopted(other, t, state) ?? null;
       Object.assign(this, { scene: other, choice });
       return { t, x: state, serve: this.watched(t, state) };
     }

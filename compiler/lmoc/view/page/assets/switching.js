@@ -57,10 +57,15 @@ export class LawSwitching {
     return answer.every((v, j) => v === x[j]) ? x : Float64Array.from(answer);
   }
 
+  /** Take the values of parameters; all laws are open then. */
+  begin() {
+    const { begin, end } = this.scene.data;
+    this.exports.lmoc_page_begin_laws(this.page, MOMENT * (end - begin));
+  }
+
   /** The state at the start, on what is closed there, and what happened on the way: [x, events]. */
   start(t, x) {
-    const { data } = this.scene;
-    this.exports.lmoc_page_begin_laws(this.page, MOMENT * (data.end - data.begin));
+    this.begin();
     this.programs.x.set(x);
     return this.take(t, this.exports.lmoc_page_start_laws(this.page, t));
   }
