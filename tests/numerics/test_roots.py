@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from lmoc.engine.roots import locate
-from lmoc.numerics.problem.base import Integration, Roots
+from lmoc.numerics.problem.base import Integration
+from lmoc.numerics.problem.roots import Roots
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.steps.roots import RootFinder
 

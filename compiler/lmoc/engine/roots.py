@@ -8,7 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 from lmoc.engine.answers import Answers, doubles
-from lmoc.engine.library import library
+from lmoc.engine.library import address, library
+from lmoc.engine.step_functions import StepFunctions
 
 _ROOT, _NO_MEMORY = 1, 3
 _VALUES = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p)
@@ -34,9 +35,8 @@ class Finder:
     Parameters
     ----------
     signs : (m,) that they have had last, 0 where none is known; kept up to date
-    values : (times (k,)) -> (k, m)
-    quiet : (time, heights (m,)) -> (m,) bool
-        Which functions that have been no higher than so much are zero but for rounding: they have no roots.
+    owner, values, quiet : addresses of C functions, and of what they are called with
+    judged : takes the status that C has come back with, and raises what has been raised in Python
 
     Attributes
     ----------
@@ -44,14 +44,39 @@ class Finder:
     """
 
     def __init__(
-        self,
+        self, signs: np.ndarray, owner: int | None, values: int, quiet: int, judged: Callable[[int], int]
+    ) -> None:
+        self._library, self._judged = library(), judged
+        self._kept: object = None  # what C asks
+        self.signs, self.which = signs, np.zeros(len(signs), bool)
+        self._data = _Finder(len(signs), signs.ctypes.data, self.which.ctypes.data, owner, values, quiet)
+        self._reference, self._time = ctypes.byref(self._data), ctypes.c_double()
+        self._out = ctypes.byref(self._time)
+
+    @classmethod
+    def along(cls, signs: np.ndarray, functions: StepFunctions) -> Finder:
+        """Follow functions that C knows."""
+        own = ctypes.addressof(functions.data), address("lmoc_step_values"), address("lmoc_step_quiet")
+        finder = cls(signs, *own, functions.judged)
+        finder._kept = functions
+        return finder
+
+    @classmethod
+    def asking(
+        cls,
         signs: np.ndarray,
         values: Callable[[np.ndarray], np.ndarray],
         quiet: Callable[[float, np.ndarray], np.ndarray],
-    ) -> None:
-        self._library, self._asked, count = library(), Answers(_NO_MEMORY), len(signs)
-        self.signs, self.which = signs, np.zeros(count, bool)
-        asked = self._asked
+    ) -> Finder:
+        """Follow functions of Python.
+
+        Parameters
+        ----------
+        values : (times (k,)) -> (k, m)
+        quiet : (time, heights (m,)) -> (m,) bool
+            Which functions that have been no higher than so much are zero but for rounding: they have no roots.
+        """
+        asked, count = Answers(_NO_MEMORY), len(signs)
 
         def values_at(_: int, many: int, times: int, found: int) -> int:
             def work() -> None:
@@ -66,11 +91,11 @@ class Finder:
 
             return asked.answer(work)
 
-        self._hooks = _VALUES(values_at), _QUIET(quiet_at)
-        hooks = [ctypes.cast(h, ctypes.c_void_p).value for h in self._hooks]
-        self._data = _Finder(count, signs.ctypes.data, self.which.ctypes.data, None, *hooks)
-        self._reference, self._time = ctypes.byref(self._data), ctypes.c_double()
-        self._out = ctypes.byref(self._time)
+        hooks = _VALUES(values_at), _QUIET(quiet_at)
+        places = [ctypes.cast(h, ctypes.c_void_p).value or 0 for h in hooks]
+        finder = cls(signs, None, places[0], places[1], asked.judge)
+        finder._kept = hooks
+        return finder
 
     def __del__(self) -> None:
         self._library.lmoc_roots_free(self._reference)
@@ -81,7 +106,9 @@ class Finder:
 
     def next(self) -> float | None:
         """Return the time of the next root of the step, None where there is none."""
-        found = self._asked.judge(self._library.lmoc_next_root(self._reference, self._out))
+        found = self._judged(self._library.lmoc_next_root(self._reference, self._out))
+        if found == _NO_MEMORY:
+            raise MemoryError
         return self._time.value if found == _ROOT else None
 
 

@@ -35,6 +35,11 @@ int lmoc_evaluate_near(lmoc_call *c, double time, const double *x);
 void lmoc_mark(lmoc_call *c);
 void lmoc_go_back(lmoc_call *c);
 
+/* For many times: states (count, n) and guesses of the unknowns (count, remembered) in, some registers (count, chosen) out;
+   whether all of them are solved. */
+void lmoc_evaluate_many(lmoc_call *c, int64_t count, const double *times, const double *x, const double *guesses,
+               int64_t chosen, const int32_t *registers, double *out, uint8_t *good);
+
 /* f at a place; no numbers where there is none. */
 void lmoc_derivatives(lmoc_call *c, double time, const double *x, double *f);
 

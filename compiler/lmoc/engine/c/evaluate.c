@@ -97,7 +97,7 @@ int lmoc_evaluate_near(lmoc_call *c, double time, const double *x) {
 
 /* For many times: states (count, n) and guesses of the unknowns (count, remembered) in, some registers (count, chosen)
    out, and whether each block has a solution near its guess. */
-void lmoc_many(lmoc_call *c, int64_t count, const double *times, const double *x, const double *guesses,
+void lmoc_evaluate_many(lmoc_call *c, int64_t count, const double *times, const double *x, const double *guesses,
                int64_t chosen, const int32_t *registers, double *out, uint8_t *good) {
   *c->last = 0;
   for (int64_t k = 0; k < count; k++, x += c->given, guesses += c->remembered, out += chosen) {

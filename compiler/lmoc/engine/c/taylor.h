@@ -31,6 +31,9 @@ typedef struct {
    else the bits of the lanes where not. */
 int LMOC_NAME(lmoc_taylor_series)(const lmoc_taylor *y, lmoc_times time, const double *x, double *q);
 
+/* The states at distances from where the series of one run begins. */
+void lmoc_taylor_values(int64_t n, int64_t order, int64_t count, const double *h, const double *q, double *x);
+
 /* Count from zero what a lane does from here on. */
 static inline void lmoc_walk_afresh(lmoc_walk *s, int64_t lane) {
   s->steps[lane] = s->tries[lane] = s->reached[lane] = s->found[lane] = 0;

@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from lmoc.engine.instant import Instant
 from lmoc.engine.kernel import Kernel
 from lmoc.engine.library import library
+from lmoc.engine.step_functions import Watched
 from lmoc.engine.tables import Tables
 from lmoc.lower.tape import Tape
 from lmoc.numerics.plan.plan import Plan
@@ -48,9 +50,10 @@ class TapeFunction:
         self._places = np.ascontiguousarray(places, np.int32)
         self._call = self._kernel.call(plan.states, plan.states, self._sampled)
         self._tables: Tables | None = None  # of the inputs, where all of them follow tables
-        self._many = library().lmoc_many
+        self._many = library().lmoc_evaluate_many
         self._few: _Room | None = None
         self._samplers: list[tuple[Signal, int]] = []
+        self._watched: Watched | None = None
 
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         """Take the registers that do not change between events, and the inputs."""
@@ -89,6 +92,15 @@ class TapeFunction:
         self._many(self._call.reference, count, *room.addresses)
         return room.out[:count].copy() if room is self._few else room.out
 
+    def watched(self, count: int, laws: int | None = None, events: Instant | None = None) -> Watched | None:
+        """Return root functions that C makes of the results; None where Python gives inputs. As of `Watched`."""
+        if self._samplers and self._tables is None:
+            return None
+        if self._watched is None or self._watched.of != (laws, events):
+            self._watched = Watched(self._call, self._places, laws, events)
+        self._watched.count = count
+        return self._watched
+
     def _room(self, count: int) -> _Room:
         """Return memory for so many times at least."""
         if count <= _FEW and self._few is not None:
@@ -98,6 +110,15 @@ class TapeFunction:
             return _Room(count, width, self._places)
         self._few = _Room(_FEW, width, self._places)
         return self._few
+
+
+def watched(
+    evaluate: object, count: int, laws: int | None = None, events: Instant | None = None
+) -> tuple[Watched, ...] | None:
+    """Return `TapeFunction.watched` of what `TapeFunction.many` is; None for other functions."""
+    own = getattr(evaluate, "__self__", None)
+    found = own.watched(count, laws, events) if isinstance(own, TapeFunction) else None
+    return None if found is None else (found,)
 
 
 class _Room:

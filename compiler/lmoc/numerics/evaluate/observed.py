@@ -43,5 +43,5 @@ class Observed:
         with self._lock:
             self._kernel.w[: self._count] = base
             self._kernel.forget()
-            library().lmoc_many(self._call.reference, len(times), *addresses[:3], len(chosen), *addresses[3:])
+            library().lmoc_evaluate_many(self._call.reference, len(times), *addresses[:3], len(chosen), *addresses[3:])
         return out if good.all() else None

@@ -13,9 +13,11 @@ import numpy as np
 
 from lmoc.engine.instant import Instant
 from lmoc.engine.kernel import Kernel
+from lmoc.engine.step_functions import Watched
 from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Kind
+from lmoc.numerics.evaluate.function import watched
 from lmoc.numerics.events.happened import Happened, NotAState
 from lmoc.numerics.events.layout import EventLayout, initial_values
 from lmoc.numerics.events.tables import PlanTables
@@ -359,6 +361,10 @@ class DiscreteState:
         sides = np.empty(self.instant.roots)
         self.instant.call("lmoc_root_sides", sides)
         return sides
+
+    def watched(self) -> tuple[Watched, ...] | None:
+        """Return `roots` for C, with the values that have been pushed; None where only Python knows them."""
+        return watched(self._zeros, self.instant.roots, events=self.instant)
 
     def heights(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return the functions of `roots` without what keeps them from being noticed twice, unlooked at.

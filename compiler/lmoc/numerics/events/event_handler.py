@@ -23,7 +23,8 @@ from lmoc.numerics.events.trials import leave_fold
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.problem.base import Outcome, Roots
+from lmoc.numerics.problem.base import Outcome
+from lmoc.numerics.problem.roots import Roots
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 
@@ -204,7 +205,9 @@ class EventHandler:
         """Return what ends the present segment earlier."""
         if not self.layout.zero_count:
             return None
-        return Roots(self.discrete.roots, self.discrete.signs(), quiet=self.discrete.quiet, soon=self._walk.soon)
+        discrete = self.discrete
+        signs, in_c = discrete.signs(), discrete.watched()
+        return Roots(discrete.roots, signs, quiet=discrete.quiet, soon=self._walk.soon, in_c=in_c)
 
     @property
     def is_over(self) -> bool:

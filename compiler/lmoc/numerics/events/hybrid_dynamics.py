@@ -25,8 +25,9 @@ from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.observer import Observer
 from lmoc.numerics.observe.trajectory import End
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.problem.base import Outcome, Roots, joined
+from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.problem.mode import Mode
+from lmoc.numerics.problem.roots import Roots, joined
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import Constant, Signal
 from lmoc.support.records import dataclass

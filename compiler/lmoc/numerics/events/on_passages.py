@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
-from lmoc.numerics.problem.base import Roots
+from lmoc.numerics.problem.roots import Roots
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.passage import Passage

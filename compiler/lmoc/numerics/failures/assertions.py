@@ -18,7 +18,7 @@ from lmoc.ir.flat import Check, FlatDAE
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.observe.following import Following
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.problem.base import Roots
+from lmoc.numerics.problem.roots import Roots
 from lmoc.numerics.problem.status import Status
 from lmoc.support.records import dataclass
 

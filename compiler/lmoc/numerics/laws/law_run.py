@@ -144,7 +144,7 @@ class LawRun:
         self.n, self.states = len(kinematics.table.kind), len(kinematics.plan.states)
         self.errors, self.unresolved = np.zeros((2, self.states))
         self.data = self._laid_out(ledger, moment)
-        self.reference = ctypes.byref(self.data)
+        self.reference, self.address = ctypes.byref(self.data), ctypes.addressof(self.data)
         self._memory = np.zeros(library().lmoc_law_place(self.reference, None))
         library().lmoc_law_place(self.reference, self._memory.ctypes.data)
         library().lmoc_law_open(self.reference)

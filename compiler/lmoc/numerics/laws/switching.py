@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lmoc.ir.law import Switched
 from lmoc.ir.mode import law_rows, mode_word
+from lmoc.numerics.evaluate.function import watched
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.free_dynamics import mode_registers
@@ -21,8 +22,8 @@ from lmoc.numerics.laws.law_run import CHATTERS, GAP_JUMPS, NO_END, LawRun
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.problem.base import Roots
 from lmoc.numerics.problem.mode import Mode
+from lmoc.numerics.problem.roots import Roots
 from lmoc.numerics.problem.status import Status, Stopped
 from lmoc.numerics.signals.signals import Constant, Signal
 
@@ -120,7 +121,8 @@ class LawSwitching:
         """
         evaluate, run = self.reader(base, signals), self.run
         count = run.watch(evaluate(np.array([t]), x[None])[0])
-        return Roots(lambda times, states: run.values(evaluate(times, states), count), np.ones(count))
+        in_c = watched(evaluate, count, laws=run.address)
+        return Roots(lambda times, states: run.values(evaluate(times, states), count), np.ones(count), in_c=in_c)
 
     # ------------------------------------------------------------------ what stays closed
 

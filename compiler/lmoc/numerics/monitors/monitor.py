@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.problem.base import Outcome, Roots, joined
+from lmoc.numerics.problem.base import Outcome
+from lmoc.numerics.problem.roots import Roots, joined
 from lmoc.numerics.problem.status import Status
 
 

@@ -17,7 +17,8 @@ from lmoc.numerics.options.options import MOREAU
 from lmoc.numerics.plan import kinks
 from lmoc.numerics.plan.activity import Lookout, lookout
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.problem.base import REQUESTED, Outcome, PlanCost, Problem, Roots
+from lmoc.numerics.problem.base import REQUESTED, Outcome, PlanCost, Problem
+from lmoc.numerics.problem.roots import Roots
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import break_times
 from lmoc.numerics.steps import choice

@@ -89,7 +89,7 @@ class Loop:
         if finder is not None:
             finder.begin(problem.t, problem.x)
         elif problem.roots is not None:
-            finder = RootFinder(problem.roots, problem.t, problem.x)
+            finder = RootFinder(problem.roots, problem.t, problem.x, run.series is not None)
         self.finder = finder
         self.judged = 0, problem.t  # steps and time when it was last looked at whether they get on
         # the same for each of `_PACES`, and whether there was no end in sight

@@ -1,6 +1,7 @@
 """Sign changes of functions of time and state within a step: on the step's own dense output, in order.
 
-They are found and located in C (``engine/c/roots.c``), which asks here for the functions at several times at once.
+They are found and located in C (``engine/c/roots.c``), which asks here for the functions at several times at once, or
+knows them itself (``engine/c/step_functions.c``).
 """
 
 from __future__ import annotations
@@ -8,7 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from lmoc.engine.roots import Finder
-from lmoc.numerics.problem.base import Integration, Roots
+from lmoc.engine.step_functions import StepFunctions
+from lmoc.numerics.problem.base import Integration
+from lmoc.numerics.problem.roots import Roots
 
 
 class RootFinder:
@@ -20,14 +23,24 @@ class RootFinder:
     which : (m,) mask of those that vanish at the root found last
     """
 
-    def __init__(self, roots: Roots, t: float, x: np.ndarray) -> None:
+    def __init__(self, roots: Roots, t: float, x: np.ndarray, has_series: bool = False) -> None:
+        """
+        Parameters
+        ----------
+        has_series : the method gives its last step as a polynomial
+        """
         self.roots, self.signs = roots, roots.signs
         unknown = self.signs == 0
         if unknown.any():
             self.signs[unknown] = np.sign(roots.values(np.array([t]), x[None])[0])[unknown]
         if roots.largest is None:
             roots.largest = np.abs(x)
-        self._finder = Finder(self.signs, self._values, self._quiet)
+        self._functions: StepFunctions | None = None
+        if has_series and roots.in_c is not None:
+            self._functions = StepFunctions(roots.in_c, roots.largest)
+            self._finder = Finder.along(self.signs, self._functions)
+        else:
+            self._finder = Finder.asking(self.signs, self._values, self._quiet)
         self.which = self._finder.which
         self._place = t, x.copy()  # the end of the step before: multistep methods do not interpolate it exactly
         self._run: Integration
@@ -40,17 +53,22 @@ class RootFinder:
     def first(self, run: Integration, end: float) -> tuple[float, np.ndarray] | None:
         """Return the place (t, x) in the last step where the integration shall end; None where it goes on to `end`."""
         self._run = run
+        if self._functions is not None:
+            self._functions.begin(self._place, (run.t, run.x), run.series())
         self._finder.begin(run.before, end)
         while True:
             t = self._finder.next()
             if t is None:
                 self._place = run.t, run.x.copy()
                 return None
-            times, states = self._seen
-            at = np.flatnonzero(times == t)
-            x = states[at[-1]].copy() if len(at) else run.interpolate(np.array([t]))[0]
+            x = self._at(t) if self._functions is None else self._functions.states(t)
             if self.roots.reached(t, x, self.which, self.signs):
                 return t, x
+
+    def _at(self, t: float) -> np.ndarray:
+        times, states = self._seen
+        at = np.flatnonzero(times == t)
+        return states[at[-1]].copy() if len(at) else self._run.interpolate(np.array([t]))[0]
 
     def _values(self, times: np.ndarray) -> np.ndarray:
         run = self._run

@@ -133,5 +133,8 @@ class Taylor(Integration):
             return Status.STIFF
         return Status.OK
 
+    def series(self) -> tuple[float, int, int]:
+        return self.before, self.order, self._walk.q
+
     def interpolate(self, times: np.ndarray) -> np.ndarray:
         return self.system.values(self.order, times - self.before, self._walk.q)
