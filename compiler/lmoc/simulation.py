@@ -182,11 +182,10 @@ def sensitivities(
     check_motion(run.trajectory)
     if not names:
         raise refused("nothing was named")
-    at_work, prepared = session.prepare(request.parameters)
+    prepared = session.prepare(request.parameters)[1]
     if prepared.minimal is not None or any(d.subject is Subject.RESHAPED for d in prepared.notes):
         raise refused("a parameter that was given shapes the model", "give it when the scene is compiled")
-    segment = run.trajectory.segments[0]
-    directions = [_direction(at_work, request, prepared, segment, name) for name in dict.fromkeys(names)]
+    directions = [_direction(request, prepared, run, name) for name in dict.fromkeys(names)]
     changing = [d for d in directions if d.is_parameter]
     if changing:
         sides = np.concatenate([d.around[:, -2:] for d in changing], axis=1)  # what holds a little aside holds nearby
@@ -199,11 +198,12 @@ def sensitivities(
     return with_events(run.trajectory, first, directions, request.occasions or (), tolerance)
 
 
-def _direction(session: Session, request: Request, prepared: Prepared, segment: SegmentRecord, name: str) -> Direction:
+def _direction(request: Request, prepared: Prepared, run: Run, name: str) -> Direction:
     """Return what is differentiated by."""
     from lmoc.ir.flat import Kind
     from lmoc.numerics.run.sensitivities import Direction, changed_values, refused, same_values
 
+    segment = run.trajectory.segments[0]
     flat, values = prepared.flat, segment.observer.values
     found = flat.find(name)
     if found is None:
@@ -226,16 +226,11 @@ def _direction(session: Session, request: Request, prepared: Prepared, segment: 
         return direction
     if flat.kind[variable] != Kind.UNKNOWN or isinstance(request.initial, str) or hasattr(request.initial, "time"):
         raise refused(f"'{name}' is neither a parameter nor a variable that is free at the start")
-    place = _start_of(session, request, segment)[None, : len(segment.observer.plan.states)]
+    assert run.trajectory.start is not None
+    place = run.trajectory.start[None]
     value = float(segment.observer(found, np.array([segment.begin]), place)[0, 0])
     size = max(abs(value), float(np.max(np.abs(segment.observer(found, *segment.samples)), initial=0.0))) or 1.0
     return Direction(name, value, size, partial(same_values, values), False)
-
-
-def _start_of(session: Session, request: Request, segment: SegmentRecord) -> np.ndarray:
-    """Return the states at the start of a run, (n,) and more; from another start where no output time is there."""
-    times, states = segment.samples
-    return states[0] if len(times) and times[0] == segment.begin else _start_states(session, request, segment, {}, {})
 
 
 def _first(session: Session, request: Request, run: Run, directions: Sequence[Direction]) -> Tangent:
@@ -248,7 +243,8 @@ def _first(session: Session, request: Request, run: Run, directions: Sequence[Di
 
     segment = run.trajectory.segments[0]
     count = len(segment.observer.plan.states)
-    x = _start_of(session, request, segment)[:count]
+    x = run.trajectory.start
+    assert x is not None
     own = _slopes_at_start(request, run, directions, x)
 
     def by_starts(direction: Direction) -> np.ndarray:

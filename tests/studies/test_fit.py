@@ -154,19 +154,15 @@ def test_tangents_lead_where_differences_lead_with_fewer_runs(file, column, fact
 
 
 def test_where_there_are_no_tangents_differences_are_taken_and_said():
-    """Whether it decays at all is asked when the scene is compiled: what is given for c shapes the model."""
+    """How many there are is decided when the scene is compiled: what is given for c shapes the model."""
     dae = lmoc.compile_text("""
 model Decay
   parameter Real c = 1;
-  output Real x(start = 1, fixed = true);
-  Real rate;
+  parameter Integer n = if c > 5 then 2 else 1;
+  Real part[n](each start = 1, each fixed = true);
+  output Real x = part[1];
 equation
-  der(x) = -rate;
-  if c > 0 then
-    rate = c*x;
-  else
-    0 = rate;
-  end if;
+  der(part) = -c*part;
 end Decay;
 """)
     times = np.linspace(0, 2, 9)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class HybridDynamics:
         self._law_roots = 0
         self._roots: Roots | None = None  # of the present segment …
         self._signs: np.ndarray | None = None  # … and their signs where it has begun
-        self._signals: tuple[Mode, Mapping[int, Signal]] | None = None  # of the mode that was asked for last
+        self._signals: WeakKeyDictionary[Mode, Mapping[int, Signal]] = WeakKeyDictionary()  # with those of a mode
 
     def memory(self) -> Memory:
         """Return what decides about the next instant, for `recall`."""
@@ -168,7 +169,7 @@ class HybridDynamics:
         base : registers of the other plan that do not change during a run, with all laws open
         t, x : where the run stands
         """
-        self.plan, self.open, self._signals = plan, base.copy(), None
+        self.plan, self.open, self._signals = plan, base.copy(), WeakKeyDictionary()
         if self.handler is not None:
             self.handler.adopt(plan, base, t, x)
         if self.laws is not None:
@@ -187,10 +188,11 @@ class HybridDynamics:
         if self.laws is None:
             return self.given
         mode = self.laws.mode
-        if self._signals is None or self._signals[0] is not mode:
+        found = self._signals.get(mode)
+        if found is None:  # forces that steps of equal length fill stay what they are
             held = {v: s for v, s in self.laws.signals().items() if isinstance(self.given[v], Constant)}
-            self._signals = mode, {**self.given, **held}  # forces that steps of equal length fill stay what they are
-        return self._signals[1]
+            found = self._signals[mode] = {**self.given, **held}
+        return found
 
     def base(self) -> np.ndarray:
         """Return the registers that do not change until the next event."""

@@ -149,6 +149,7 @@ class ContactKinematics:
         self._opened: dict[bytes, Array] = {}
         self.force = plan.reduced.register_of[form.force]
         self.table = law_table(form, values)
+        self._restitutions = restitutions(form)
         self.scene = free_dynamics(plan, signals)
         self.stored = self.scene.stored >= 0
         self.noise = np.zeros(form.count)
@@ -165,7 +166,7 @@ class ContactKinematics:
         self.values = values
         there = self._known_variables != NONE
         self.known[there] = values[self._known_variables[there]]
-        self.table.restitution[:] = _restitution(self.form, values)
+        self.table.restitution[:] = _restitution(self._restitutions, values)
 
     def renew(self, base: Array) -> None:
         """Take other registers that do not change between events."""
@@ -270,7 +271,7 @@ def law_table(form: Switched, values: Array) -> LawTable:
         np.full(g.rows, NONE) if g.normal is None else np.array([by_force.get(int(v), NONE) for v in g.normal])
         for g in form.laws
     ]
-    return LawTable(kind, form.degree, _restitution(form, values), np.concatenate(normal))
+    return LawTable(kind, form.degree, _restitution(restitutions(form), values), np.concatenate(normal))
 
 
 def restitutions(form: Switched) -> NDArray[np.int64]:
@@ -278,6 +279,5 @@ def restitutions(form: Switched) -> NDArray[np.int64]:
     return np.concatenate([np.full(g.rows, NONE) if g.restitution is None else g.restitution for g in form.laws])
 
 
-def _restitution(form: Switched, values: Array) -> Array:
-    own = restitutions(form)
+def _restitution(own: NDArray[np.int64], values: Array) -> Array:
     return np.where(own == NONE, 0.0, values[own])

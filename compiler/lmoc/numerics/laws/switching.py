@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ from lmoc.numerics.signals.signals import Constant, Signal
 KEPT = 1e-14  # share of its terms by which what is closed may miss zero at output times
 NEAR = 1e-10  # a mode with values below zero by more does not hold any longer where a run goes on
 _IMPACT_LAWS = ("Newton", "Poisson")
+_KEPT = 16  # modes that are known again
 _NOTHING, _ACCUMULATION, _IMPACT = range(3)  # (``law_run.h``); the others are what laws themselves call it
 
 
@@ -60,8 +62,9 @@ class LawSwitching:
         registers = mode_registers(plan).ravel()
         self._shown = np.flatnonzero(registers >= 0)  # numbers of a mode that stand in registers, and in which
         self._registers = registers[self._shown]
+        self._modes: dict[bytes, Mode] = {}  # the latest ones: an instant that is repeated leads to them again
         self._mode: Mode = self.run.mode
-        self._signals: tuple[Mode, dict[int, Signal]] | None = None
+        self._signals: WeakKeyDictionary[Mode, dict[int, Signal]] = WeakKeyDictionary()
 
     # ------------------------------------------------------------------ the mode as values
 
@@ -72,6 +75,16 @@ class LawSwitching:
     @mode.setter
     def mode(self, mode: Mode) -> None:
         self.run.mode = self._mode = mode
+
+    def _now(self) -> Mode:
+        """Return the mode that holds now: the same object as before, where it is the same."""
+        mode = self.run.mode
+        key = mode.key + mode.push.tobytes()
+        if key not in self._modes:
+            for oldest in list(self._modes)[: 1 - _KEPT]:
+                del self._modes[oldest]
+            self._modes[key] = mode
+        return self._modes[key]
 
     @property
     def second(self) -> NDArray[np.int64]:
@@ -102,11 +115,11 @@ class LawSwitching:
     def signals(self) -> dict[int, Signal]:
         """Return the values of the mode, by flat variables."""
         mode = self.mode
-        if self._signals is not None and self._signals[0] is mode:
-            return self._signals[1]
-        pairs = mode.inputs(self.kinematics.form)
-        values = {int(v): Constant(float(k)) for vs, ks in pairs for v, k in zip(vs, ks, strict=True)}
-        self._signals = mode, values
+        values = self._signals.get(mode)
+        if values is None:
+            pairs = mode.inputs(self.kinematics.form)
+            values = {int(v): Constant(float(k)) for vs, ks in pairs for v, k in zip(vs, ks, strict=True)}
+            self._signals[mode] = values
         return values
 
     # ------------------------------------------------------------------ what ends a mode
@@ -187,7 +200,7 @@ class LawSwitching:
         self.kinematics.revalue(values)
         self.renew(base)
         self.run.recall(memory, push)
-        self._mode = self.run.mode
+        self._mode = self._now()
         self.undecided.clear()
 
     def renew(self, base: Array) -> None:
@@ -291,7 +304,7 @@ class LawSwitching:
         run = self.run
         if run.undecided.any():
             self.undecided.append((t, [self.laws[k][0] for k in np.flatnonzero(run.undecided).tolist()]))
-        self._mode = run.mode
+        self._mode = self._now()
         return self._events()
 
     def _events(self) -> list[Event]:

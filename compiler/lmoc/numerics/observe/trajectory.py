@@ -126,6 +126,7 @@ class Trajectory:
         start; None without these, and for a run that continues another one
     planned : s, where the run was to end, though a model may have ended it earlier; or where it has failed
     unbooked : s, and why: from when on the energy ledger has no value
+    start : (n,) the states where the first segment starts; None where nobody has kept them
     ended : the segment to whose end `last` belongs, where what a model does at its end (``when terminal()``) has made
         another one: a run that goes on has not ended; None for the last one
     """
@@ -141,6 +142,7 @@ class Trajectory:
     planned: float = np.nan
     unbooked: tuple[float, str] = (np.inf, "")
     ended: SegmentRecord | None = None
+    start: np.ndarray | None = None
     _cache: dict[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     @property

@@ -311,7 +311,7 @@ class Saltation:
         later = self._delay(which, change, x)
         if later is None:
             return None
-        place = self._moved(later, x)[0]
+        place = self._moved(later, x)
         outcome = replace(self._occasion.outcome, time=at.time + later, x=place)
         try:
             found = dynamics.after(outcome, self._occasion.unresolved, self._occasion.errors)
@@ -381,9 +381,8 @@ class Saltation:
 
     def _missing(self, values: Heights, x: np.ndarray, later: float) -> np.ndarray:
         """Return by how much functions miss what they were at the instant, so much later."""
-        own = np.array([later])
-        return values(self._at.time + own, self._moved(later, x))[0, self._roots] - self._zero
+        return values(np.array([self._at.time + later]), self._moved(later, x)[None])[0, self._roots] - self._zero
 
     def _moved(self, later: float, x: np.ndarray) -> np.ndarray:
-        """Return the states (1, n) so much later; those that are moved along with the instant are there."""
-        return self._on(np.array([later]), x) if self._along is None else x[None]
+        """Return the states (n,) so much later; those that are moved along with the instant are there."""
+        return x + later * self._f + later**2 / 2 * self._bend if self._along is None else x

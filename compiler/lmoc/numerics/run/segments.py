@@ -114,6 +114,7 @@ class _Run:
 
     def go(self, initial: Mapping[str, float] | End | RunState) -> Trajectory:
         x = self._start(initial)
+        self.start = x.copy()
         started = clock.perf_counter()
         outcome = self._to_the_end(x)
         self._finish(outcome)
@@ -189,6 +190,7 @@ class _Run:
             planned,
             unbooked,
             ended,
+            self.start,
         )
 
     # ------------------------------------------------------------------ the start
