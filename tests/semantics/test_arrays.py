@@ -181,6 +181,9 @@ def test_sizes_follow_values_from_outside() -> None:
 def test_an_array_of_no_elements() -> None:
     dae = flat("model A parameter Integer n = 0; Mass m[n](each m = 1); Real x = 1; end A;")
     assert equations(dae) == ["x = 1"]
+    part = "model P input Real u; input Real r[2]; Real y = u + r[1]; end P;"
+    dae = flat(f"{part} model A parameter Integer n = 0; P p[n](each u = time, each r = {{1, 2}}); Real x = 1; end A;")
+    assert equations(dae) == ["x = 1"]  # no input is missing where there is none
 
 
 def test_connections_in_a_loop_and_of_whole_arrays() -> None:

@@ -113,8 +113,8 @@ def check_balance(
 
 
 def _is_input(variable: Variable) -> bool:
-    """Return whether an unknown is a public input of a part."""
-    if variable.causality != "input" or variable.kind not in (Kind.UNKNOWN, Kind.DISCRETE):
+    """Return whether an unknown is a public input of a part, and there is any in an array of parts."""
+    if not variable.size or variable.causality != "input" or variable.kind not in (Kind.UNKNOWN, Kind.DISCRETE):
         return False
     return variable.parent.owner.parent is not None and not variable.hidden
 
