@@ -29,6 +29,8 @@ class Relations:
     slots : (n, columns)
     target : (n,) discrete variables
     text, span : what was written, and the equation
+    of_package : it stands in the text of a package that the model only uses: where the run begins it is what it is then
+        (Modelica's specification, 8.6); one of a scene may be what it was before, so that a step there is one
     """
 
     op: str
@@ -37,6 +39,7 @@ class Relations:
     target: np.ndarray
     text: str
     span: Span | None
+    of_package: bool = False
 
     @property
     def rows(self) -> int:

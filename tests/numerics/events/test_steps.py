@@ -191,3 +191,15 @@ def test_impulses_that_are_not_computed_are_noted(value, notes):
     assert [n.code for n in dae.notes] == ["N0418"] * notes
     found, still = (d.simulate(stop=0.9, points=2)["w"][-1] for d in (dae, lmoc.compile_text(CART.format("0*time"))))
     assert found == pytest.approx(still, abs=1e-6)
+
+
+def test_a_motion_of_a_library_does_not_begin_with_a_jump(tmp_path):
+    """What a package means by time < 0 at the start is Modelica's: the fixed values hold, whatever was before."""
+    (tmp_path / "Lib").mkdir()
+    block = "block Sine output Real y; equation y = if time < 0 then 0 else 0.7*sin(2*time); end Sine;"
+    (tmp_path / "Lib" / "package.mo").write_text(f"package Lib {block} end Lib;")
+    text = """model M Lib.Sine sine; Real x, p(start = 0.3, fixed = true), w(start = 0, fixed = true);
+      equation x = sine.y; w = der(p); 2*der(w) + 1.5*der(der(x)) = -p; end M;"""
+    result = lmoc.compile_text(text, path=tmp_path).simulate(stop=0.1, points=2)
+    assert result["der(x)"][0] == 1.4 and result["w"][0] == 0
+    assert not [e for e in result.events if e.kind == "step"]

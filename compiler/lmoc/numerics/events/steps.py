@@ -181,13 +181,14 @@ class Steps:
 
 
 def moving_relations(plan: Plan) -> NDArray[np.int64]:
-    """Return the rows of the relations of time that decide about what has derivatives: a jump of it at the start is
-    one."""
+    """Return the rows of the relations of time of a scene that decide about what has derivatives: a jump of it at the
+    start is one."""
     layout, jets = plan.once(EventLayout), plan.once(Steps).registers
     found = [np.zeros(0, int)]
     for timed in layout.timed if len(jets) else ():
-        own = plan.reduced.register_of[layout.events.relations[timed.relation].target]
-        if dependent(plan.full_program, own, plan.count)[jets].any():
+        relations = layout.events.relations[timed.relation]
+        own = plan.reduced.register_of[relations.target]
+        if not relations.of_package and dependent(plan.full_program, own, plan.count)[jets].any():
             found.append(np.arange(layout.first[timed.relation], layout.first[timed.relation + 1]))
     return np.unique(np.concatenate(found))
 

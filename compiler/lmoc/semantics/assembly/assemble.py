@@ -14,7 +14,7 @@ from lmoc.expression.text import number_text
 from lmoc.ir.flat import Assignments, Block, Check, Decision, Group, Kind, Part, Slider, StateSelect
 from lmoc.ir.law import Laws
 from lmoc.messages.diagnostics import Report
-from lmoc.messages.source import Source
+from lmoc.messages.source import Source, Span
 from lmoc.semantics.classes.looks import Looks
 from lmoc.semantics.drafts.draft import AssignmentDraft, CheckDraft, Column, DecisionDraft, Drafts, GroupDraft, LawDraft
 from lmoc.semantics.nodes.instance import Instance, Variable
@@ -198,14 +198,14 @@ class Assembler:
         result = []
         for d in drafts:
             target = np.atleast_1d(np.asarray(d.target, INDEX)) + d.variable.offset
-            given = not isinf(d.depth) and not self._is_of_package(d) and not d.variable.from_start
+            used = not d.library and self.is_of_package(d.span)
+            given = not isinf(d.depth) and not used and not d.variable.from_start
             result.append(Assignments(target, d.shape, self.slots(d.columns, d.rows), d.span, of_class=not given))
         return result
 
-    def _is_of_package(self, draft: AssignmentDraft) -> bool:
-        """Return whether a value is written in the text of a package that the model only uses."""
-        own = draft.span is not None and any(draft.span.source is source for source in self.own)
-        return not draft.library and not own
+    def is_of_package(self, span: Span | None) -> bool:
+        """Return whether something is written in a text that the model only uses."""
+        return span is None or not any(span.source is source for source in self.own)
 
     def starts(self, drafts: Sequence[AssignmentDraft]) -> list[Assignments]:
         """Start values with their ranks, those that count most last.

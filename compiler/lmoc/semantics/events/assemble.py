@@ -59,7 +59,7 @@ def with_events(flat: FlatDAE, drafts: Drafts, assembler: Assembler, report: Rep
     events = Events(
         discrete=np.setdiff1d(np.flatnonzero(changed.kind == Kind.DISCRETE), _of_laws(flat)),
         before=np.concatenate(before, axis=1) if before else np.zeros((2, 0), np.int64),
-        relations=tuple(work.relations),
+        relations=tuple(replace(r, of_package=assembler.is_of_package(r.span)) for r in work.relations),
         equations=tuple(equations),
         start=start,
         samples=tuple(_samples(d, assembler) for d in drafts.samples),
