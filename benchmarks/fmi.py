@@ -4,8 +4,8 @@
 
 For each model (those of notes, hard, laws and planar by default) and version of FMI: what `validate_fmu` says, the
 largest difference from `DAE.simulate` over states and outputs, as a multiple of the tolerance of the size of each, and
-how many events of laws, of those of `simulate`, come in the same order. Where CVode leaves more than 100 in Model
-Exchange, the same equations by CVode without an FMU, with the same tolerances, stand beside it: those of
+how many events of laws and relations, of those of `simulate`, come in the same order. Where CVode leaves more than 100
+in Model Exchange, the same equations by CVode without an FMU, with the same tolerances, stand beside it: those of
 `dae.functions`, of `simulate`, or written by hand.
 With `--parameters` instead, for each parameter that can be set, the difference where it is larger by 30 %.
 """
@@ -57,18 +57,6 @@ def roots(t, x):
 def happens(t, x):
     return x
 """, {"first.theta": 0.0, "first.omega": 0.0, "second.theta": 0.0, "second.omega": 0.0}),
-    "h19_bouncing_ball": ("""
-left = [0.0]
-def rates(t, x):
-    return [x[1], -9.81] if left[0] is not None else [0.0, 0.0]
-def roots(t, x):
-    return [x[0] or 1e-300] if left[0] is not None else [1.0]
-def happens(t, x):
-    last, left[0] = left[0], -0.8*x[1]
-    if last and left[0]**2 > last**2*(1 + 0.8**2)/2:  # errors keep it up
-        left[0] = None
-    return [0.0, left[0] or 0.0]
-""", {"ball.q": 1.0, "ball.v": 0.0}),
 }  # fmt: skip
 BY_CVODE = """
 import pickle, sys
@@ -124,14 +112,26 @@ def difference(run, result, names: Iterable[str]) -> float:
     return worst
 
 
+def _in_order(own: list, told: list) -> str:
+    same = next((k for k, (a, b) in enumerate(zip(own, told, strict=False)) if a != b), min(len(own), len(told)))
+    return f"{same} of {len(own)}" if len(own) == len(told) else f"{same} of {len(own)} against {len(told)}"
+
+
 def events_of(dae, run, lines: list[str]) -> str:
-    """Return how many events of laws come in the same order, of how many; empty without any."""
-    form = dae.reduced.switched
+    """Return how many events come in the same order, of how many: those of laws, and of relations that are told of."""
+    form, said = dae.reduced.switched, []
     kinds = {"impact", "accumulation"} | {k for g in (form.laws if form else ()) for k in (g.closing, g.opening)}
     own = [(e.name, e.kind) for e in run.events if e.kind in kinds]
     told = [m.groups() for line in lines if (m := re.match(r"t = \S+ s: (.*): (.*), impulse", line))]
-    same = next((k for k, (a, b) in enumerate(zip(own, told, strict=False)) if a != b), min(len(own), len(told)))
-    return f" ({same} of {len(own)} events)" if own or told else ""
+    if own or told:
+        said.append(f"{_in_order(own, told)} events")
+    truth = {"true": "1", "false": "0"}
+    own = [(e.name, truth[e.after]) for e in run.events if e.kind == "relation" and e.after in truth]
+    told = [m.groups() for line in lines if (m := re.match(r"t = \S+ s: (.*): relation, now (.*)", line))]
+    told = [(name, value) for name, value in told if name in {name for name, _ in own}]
+    if own:
+        said.append(f"{_in_order(own, told)} relations")
+    return f" ({'; '.join(said)})" if said else ""
 
 
 def compare(path: str | Path, fmi: int):

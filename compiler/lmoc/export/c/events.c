@@ -165,12 +165,27 @@ static int judge(fmu *f) {
   return FMU_GOOD;
 }
 
+/* Tell of the relations that have changed. */
+static void note(const fmu *f, const double *before) {
+  const lmoc_instant *e = &f->e;
+  char text[400];
+  for (int64_t i = 0; i < e->discrete; i++) {
+    const double now = e->v[e->own[i]];
+    int64_t r = now == before[i] ? e->relations : 0;
+    while (r < e->relations && e->target[r] != e->own[i]) r++;
+    if (r == e->relations) continue;
+    snprintf(text, sizeof text, "t = %.15g s: %.250s: relation, now %.9g", f->now.time, f->model->events.texts[r], now);
+    f->note(f->owner, text);
+  }
+}
+
 /* What an event has done, beside what the engine knows of: values step that the motion needs, and something is said. */
 static int happened(lmoc_events *v, double time, double *x) {
   fmu *f = v->owner;
   int found;
   (void)time, (void)x; /* which stand in `f` */
   f->now.jumped |= v->jumped != 0;
+  if (v->kind != LMOC_START) note(f, v->held);
   fmu_changed(f);
   if (v->kind != LMOC_START && (found = fmu_discrete_steps(f, v->held))) return found;
   v->jumped |= f->now.jumped;

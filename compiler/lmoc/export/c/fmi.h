@@ -249,7 +249,7 @@ FMU_EXPORT status FMI(GetEventIndicators)(instance *c, double out[], size_t n) {
 /* All that happens at an event, and when the next one comes: infinity where none is known. */
 static status updated(instance *c, double *next) {
   int found = fmu_fits(c->f);
-  if (!found) found = fmu_happen(c->f);
+  if (!found) found = fmu_event(c->f);
   *next = fmu_next(c->f);
   return done(found ? found : fmu_holds(c->f));
 }

@@ -183,6 +183,7 @@ int fmu_set(fmu *f, uint32_t reference, double value) {
       if (!before && m->loops.stages && m->loops.closing[place])
         return fmu_refused(f, "a parameter that closed loops depend on can be set before and in initialization");
       f->now.stale |= f->p[place] != value;
+      if (f->p[place] != value) fmu_surprise(f);
       f->p[place] = value;
       break;
     case FMU_STATE:
@@ -192,6 +193,7 @@ int fmu_set(fmu *f, uint32_t reference, double value) {
       f->x[place] = value;
       break;
     case FMU_INPUT:
+      if (f->u[place] != value) fmu_surprise(f);
       f->u[place] = value;
       break;
     default:

@@ -161,6 +161,8 @@ typedef struct {
   int32_t compared;                       /* … and compared with those of the scene */
   int32_t parted;                         /* parameters have been set that move what laws keep closed */
   int32_t drifted;                        /* the states have left the closures of loops by more than the tolerance */
+  double foreseen;                        /* s, of the event that ends low hops; infinity: none is foreseen */
+  int32_t surprised;                      /* the last one could not be foreseen, or has been prevented */
 } fmu_scalars;
 
 typedef struct fmu {
@@ -185,6 +187,8 @@ typedef struct fmu {
   double *law_read, *law_before, *law_moved;
   double *step, *at_event;                      /* values on both sides (`jumps.c`), and discrete ones */
   lmoc_flag *law_which;                         /* (2 n,) */
+  int64_t patience;                             /* steps in which something has to happen */
+  double *foresight, *ahead;                    /* of `fmu_hops.c`; scratch for the same */
   double *work, *noise, *moved, *root, *which, *before;
   int64_t doubles, pivot_count, orders;
   double *order;                                /* (orders,) of sparse factors, on their way to or from a saved state */
@@ -214,6 +218,7 @@ int fmu_accept(fmu *f);
 
 /* Integrate to a time; `f->now.time` is where it has come to. */
 int fmu_advance(fmu *f, double end);
+int fmu_smooth(fmu *f, double end, int *root);          /* as long as nothing happens; `root`: something does at its end */
 
 int fmu_directional(fmu *f, const uint32_t *unknowns, size_t rows, const uint32_t *knowns, size_t columns,
                     const double *seed, double *out, int adjoint);
@@ -245,6 +250,12 @@ int fmu_passed(fmu *f);                                 /* … as they are now: 
 int fmu_holds(fmu *f);                                  /* FMU_WRONG where an assertion about the motion does not hold */
 double fmu_next(const fmu *f);                          /* s, of the next time event or break … */
 double fmu_next_break(const fmu *f);                    /* … and of the next break */
+
+/* Events of Model Exchange, and low hops between them (`fmu_hops.c`). */
+int64_t fmu_hop_room(const fmu_model *m, int64_t roots);
+int fmu_event(fmu *f);                                  /* `fmu_happen`, and what is foreseen */
+void fmu_surprise(fmu *f);                              /* something from outside prevents what has been foreseen */
+void fmu_hop_indicators(const fmu *f, double *laws);    /* gaps of low hops are not watched closer than they are known */
 
 /* What steps that the equations hold derivatives of (`jumps.c`): the states may jump. */
 int64_t fmu_jump_room(const fmu_model *m);

@@ -58,6 +58,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(restitution, laws);
   TAKE(errors, m->states);
   TAKE(unresolved, m->states);
+  TAKE(foresight, fmu_hop_room(m, fmu_roots(f)));
   fmu_law_ask(f);
   total += lmoc_law_place(&f->laws, at ? at + total : 0);
   total += fmu_loops_place(f, at ? at + total : 0);
@@ -80,6 +81,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(law_read, 4*laws);
   TAKE(law_before, m->states);
   TAKE(law_moved, m->states);
+  TAKE(ahead, fmu_hop_room(m, fmu_roots(f)));
   TAKE(step, fmu_jump_room(m));
   TAKE(at_event, i->discrete);
   total += fmu_loops_scratch(f, at ? at + total : 0);
@@ -117,7 +119,7 @@ void fmu_reset(fmu *f) {
   const fmu_model *m = f->model;
   const int co_simulation = f->now.co_simulation;
   f->now = (fmu_scalars){.time = m->start_time, .begin = m->start_time, .rtol = m->tolerance, .phase = FMU_FRESH,
-                         .co_simulation = co_simulation, .stale = 1, .next = INFINITY};
+                         .co_simulation = co_simulation, .stale = 1, .next = INFINITY, .foreseen = INFINITY};
   memset(f->memory, 0, f->doubles * sizeof(double));
   memcpy(f->p, m->parameter_start, m->parameters * sizeof(double));
   memcpy(f->x, m->start, m->states * sizeof(double));
@@ -158,6 +160,7 @@ fmu *fmu_new(const fmu_model *model, int co_simulation, void *owner, fmu_tell te
   fmu *f = calloc(1, sizeof *f);
   if (!f) return 0;
   f->model = model;
+  f->patience = INT64_MAX;
   f->e = model->events.tables;
   fmu_ask(f);
   f->owner = owner;

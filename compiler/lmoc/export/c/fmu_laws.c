@@ -58,7 +58,7 @@ void fmu_law_ask(fmu *f) {
   const fmu_laws *l = &m->laws;
   const int64_t n = l->laws.count;
   f->laws.k = (lmoc_kinematics){l->laws, m->states, l->unilateral, l->ledger, f->restitution, f->errors, f->unresolved,
-                                !f->now.co_simulation, f,
+                                0, f,
                                 contact_at, exact, lmoc_closure_count(&f->closures), tie};
   f->laws.curved = l->curved;
   f->laws.linear = l->linear;
@@ -118,6 +118,7 @@ void fmu_law_indicators(fmu *f, double *out) {
   found += n;
   for (int64_t i = 0; i < n; i++)
     out[n + i] = f->laws.closed[i] && !f->laws.k.laws.complementary[i] ? *found++ : 1;
+  fmu_hop_indicators(f, out);
 }
 
 void fmu_law_watch(fmu *f) { lmoc_law_watch(&f->laws, read_of(f)); }
@@ -165,12 +166,14 @@ static void note(const fmu *f) {
 
 /* ------------------------------------------------------------------ what happens */
 
-/* What the integrator allows itself in a step; that of another tool has just begun, perhaps with order one. */
+/* What the integrator allows itself in a step; that of another tool has just begun, perhaps with order one, and what it
+   does not resolve is not always foreseen (`fmu_hops.c`). */
 static void allow(fmu *f) {
   for (int64_t j = 0; j < f->model->states; j++) {
     f->errors[j] = f->now.rtol * (fabs(f->x[j]) + 1e-3 * f->model->nominal[j]);
-    f->unresolved[j] = f->now.co_simulation ? 0 : f->errors[j];
+    f->unresolved[j] = f->now.surprised ? f->errors[j] : 0;
   }
+  f->laws.k.guessed = f->now.surprised;
 }
 
 int fmu_law_begin(fmu *f, int for_good) {

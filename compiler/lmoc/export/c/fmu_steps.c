@@ -72,7 +72,7 @@ double fmu_next_break(const fmu *f) {
   return k < f->model->breaks ? f->model->break_times[k] : INFINITY;
 }
 
-double fmu_next(const fmu *f) { return fmin(fmu_next_break(f), f->now.next); }
+double fmu_next(const fmu *f) { return fmin(fmin(fmu_next_break(f), f->now.next), f->now.foreseen); }
 
 /* The tolerance of steps, with which a run as a whole keeps the one that is asked for. */
 static double tolerance(const fmu *f) {
@@ -114,8 +114,7 @@ static int again(fmu *f, lmoc_steps *s, int status) {
   return 1;
 }
 
-/* Integrate over what is smooth, as long as nothing happens; `root`: something does where it has ended. */
-static int smooth(fmu *f, double end, int *root) {
+int fmu_smooth(fmu *f, double end, int *root) {
   const fmu_model *m = f->model;
   const int64_t n = m->states;
   double *at = f->work, *k = at, *slope = k + 16*n, *x_new = slope + n, *last = x_new + n, *terms = last + n,
@@ -131,6 +130,7 @@ static int smooth(fmu *f, double end, int *root) {
                   .grow = m->rules.grow, .cuts_since = f->now.time, .rtol = tolerance(f), .end = end,
                   .max_step = m->events.longest, .patience = INFINITY, .most = watched ? 1 : INT64_MAX, .hook = &hook};
   int status = 0, shorter, doubted = 0;
+  int64_t left = f->patience;
   do {
     const double wished = s.step_size;
     memcpy(begin, f->x, n * sizeof(double));
@@ -152,7 +152,7 @@ static int smooth(fmu *f, double end, int *root) {
         if (m->loops.stages && fmu_loops_land(f, until, f->x)) return fmu_loops_depend(f);
       }
     }
-  } while (shorter || (watched && !status && !*root && s.t < end));
+  } while (shorter || (watched && !status && !*root && s.t < end && --left > 0));
   f->now.time = s.t;
   fmu_changed(f);
   if (!status || *root) return FMU_GOOD;
@@ -203,7 +203,7 @@ int fmu_advance(fmu *f, double end) {
     const double until = jump <= next ? next - 4e-16*fabs(next) : next, from = f->now.time;
     int root = 0;
     if (until - f->now.time > SHORTEST * fabs(until)) { /* an ulp is no step: a tick just before a communication point */
-      found = f->model->states ? smooth(f, until, &root) : pass_time(f, until, &root);
+      found = f->model->states ? fmu_smooth(f, until, &root) : pass_time(f, until, &root);
       if (found) return found;
       f->located = root;
     }
