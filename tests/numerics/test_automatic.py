@@ -94,8 +94,8 @@ def test_a_short_run_is_not_looked_at(dae):
 @pytest.mark.usefixtures("large")
 def test_the_method_is_not_left_where_few_steps_lie_behind_those_of_the_trial(dae, monkeypatch):
     judged = []
-    refinement = automatic._refinement
-    monkeypatch.setattr(automatic, "_refinement", lambda *given: judged.append(given[2]) or refinement(*given))
+    refinement = automatic.refinement
+    monkeypatch.setattr(automatic, "refinement", lambda *given: judged.append(given[2]) or refinement(*given))
     run = dae.simulate(stop=40, rtol=1e-7)
     assert automatic.TRIAL < run.stats["steps"] < automatic.TRIAL + automatic.OVERRUN and not judged
     dae.simulate(stop=40, rtol=1e-7, max_step=0.3)

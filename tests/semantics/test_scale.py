@@ -7,13 +7,13 @@ import pytest
 from oracles.flattening import equations, flatten_text, sums
 
 from lmoc.semantics import equations as equation_module
-from lmoc.semantics.values import builtins, constructors
+from lmoc.semantics.values import array_builtins, constructors
 
 BENCH = sorted((Path(__file__).parents[2] / "models" / "bench").glob("*.lmo"))
 
 
 def flattened(path: Path, n: int, monkeypatch, long: int):
-    for module in (constructors, equation_module, builtins):
+    for module in (constructors, equation_module, array_builtins):
         monkeypatch.setattr(module, "WRITTEN_OUT", long)
     return flatten_text(path.read_text(encoding="utf-8"), None, {"N": 10 * n})
 

@@ -138,7 +138,7 @@ class EventWalk:
 
         hooks = _STATES(found), _EQUATIONS(begun)
         self.data.states, self.data.equations = (ctypes.cast(h, _PLACE).value for h in hooks)
-        return self._instant.judged(library().lmoc_events_start(self._reference, t, x.ctypes.data, 0))
+        return int(self._instant.judged(library().lmoc_events_start(self._reference, t, x.ctypes.data, 0)))
 
     def after(self, t: float, x: np.ndarray, crossed: bool, step: float = 0.0, folds: bool = False) -> int:
         """Do what happens where a segment has ended, because functions have crossed zero or not; x moves on.
@@ -148,8 +148,8 @@ class EventWalk:
         step : s, the last step of the method, over which the motion is smooth
         """
         self._hops.step, self.data.fold = step, self._fold if folds else None
-        return self._instant.judged(library().lmoc_events_after(self._reference, t, x.ctypes.data, crossed))
+        return int(self._instant.judged(library().lmoc_events_after(self._reference, t, x.ctypes.data, crossed)))
 
     def settle(self, t: float, x: np.ndarray) -> int:
         """Do what follows from a change of the continuous equations; x moves on."""
-        return self._instant.judged(library().lmoc_events_settle(self._reference, t, x.ctypes.data))
+        return int(self._instant.judged(library().lmoc_events_settle(self._reference, t, x.ctypes.data)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.run.segments import FINER
-from lmoc.numerics.steps.automatic import calibrated, growth, refined
+from lmoc.numerics.steps.added_errors import calibrated, growth, refined
 from lmoc.view.javascript.accuracy import refinement
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from lmoc.lower.tape import SolveBlock, Tape
 from lmoc.numerics.dop853.dense_output import LAST_WEIGHTS
 from lmoc.numerics.dop853.rules import RULES
 from lmoc.numerics.evaluate import engine_stepper
-from lmoc.numerics.steps.automatic import NO_FINER
+from lmoc.numerics.steps.added_errors import NO_FINER
 
 _PER_LINE = 12
 _EMPTY = Tape(0, 0, (np.zeros(0), np.zeros(0)), 0, np.zeros(1, int), np.zeros(0, int), (), np.zeros(0, int))

@@ -47,6 +47,7 @@ from lmoc.semantics.nodes.class_check import check_classes
 from lmoc.semantics.nodes.instance import Instance, InstanceNode, Variable, root_instance
 from lmoc.semantics.nodes.overrides import Overrides
 from lmoc.semantics.topology import Topology, expand
+from lmoc.semantics.values import array_builtins as _arrays  # noqa: F401  registers functions of arrays
 from lmoc.semantics.values import functions as _functions  # noqa: F401  registers the translation of calls
 from lmoc.semantics.values import generators as _generators  # noqa: F401  registers random numbers
 from lmoc.semantics.values import texts as _texts  # noqa: F401  registers String

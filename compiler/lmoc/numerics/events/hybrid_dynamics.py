@@ -19,7 +19,8 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span as SourceSpan
 from lmoc.numerics.events.closeness import located, near_to
-from lmoc.numerics.events.event_handler import EventHandler, HandlerMemory, Starter
+from lmoc.numerics.events.event_handler import EventHandler, Starter
+from lmoc.numerics.events.memory import Begun, Memory
 from lmoc.numerics.events.stepping import Stepping
 from lmoc.numerics.laws.switching import LawSwitching
 from lmoc.numerics.observe.event import Event
@@ -31,7 +32,6 @@ from lmoc.numerics.problem.mode import Mode
 from lmoc.numerics.problem.roots import Roots, joined
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import Constant, Signal
-from lmoc.support.records import dataclass
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.change import RunState
@@ -39,36 +39,6 @@ if TYPE_CHECKING:
     from lmoc.numerics.problem.system import System
 
 _MOMENT = 1e-10  # share of the run within which laws that change without end are chattering
-
-
-@dataclass(frozen=True, eq=False)
-class Memory:
-    """What events and laws know before an instant.
-
-    Attributes
-    ----------
-    plan, values, open, laws : as of `HybridDynamics`
-    reached : s, the instant before
-    law_roots : how many root functions are the laws'
-    push : (laws,) as of `Mode`
-    next : s, of the next time event
-    of_laws, of_handler, stepping : what each of them knows
-    """
-
-    plan: Plan
-    values: np.ndarray
-    open: np.ndarray
-    reached: float
-    law_roots: int
-    push: np.ndarray
-    next: float
-    laws: LawSwitching | None
-    of_laws: dict[str, np.ndarray] | None
-    of_handler: HandlerMemory | None
-    stepping: int
-
-
-Begun = tuple[Memory, np.ndarray]  # what is known where laws are to take their modes, and the states (n,) there
 
 
 class HybridDynamics:

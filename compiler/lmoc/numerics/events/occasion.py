@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.numerics.events.hybrid_dynamics import HybridDynamics, Memory
+from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
+from lmoc.numerics.events.memory import Memory
 from lmoc.numerics.problem.base import Outcome
 from lmoc.support.records import dataclass
 
@@ -61,3 +62,8 @@ def behind(dynamics: HybridDynamics, x: np.ndarray, first: int) -> Behind:
     mode = dynamics.mode
     told = tuple((e.name, e.kind) for e in dynamics.records[first:])
     return Behind(x, dynamics.base(), told, b"" if mode is None else mode.key)
+
+
+def at_start(dynamics: HybridDynamics, time: float, memory: Memory, before: np.ndarray, x: np.ndarray) -> Occasion:
+    """Return the instant at which the laws take their modes; `before`, `x`: the states then, and behind it."""
+    return Occasion(START, dynamics, memory, Outcome(time, before, 0), 0.0, 0.0, behind(dynamics, x, 0))

@@ -49,7 +49,8 @@ from lmoc.numerics.task.tolerances import Tolerances
 from lmoc.support.records import replace
 
 if TYPE_CHECKING:
-    from lmoc.numerics.events.hybrid_dynamics import Begun, HybridDynamics, Memory
+    from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
+    from lmoc.numerics.events.memory import Begun
     from lmoc.numerics.events.occasion import Occasion
     from lmoc.numerics.failures.assertions import Assertions
     from lmoc.numerics.run.changes import Changes, Continuation
@@ -248,17 +249,11 @@ class _Run:
             self.report.check()
         self.report.check()
         if kept:
-            self._keep_start(*kept[0], x)
+            from lmoc.numerics.events.occasion import at_start
+
+            task.occasions.append(at_start(self.dynamics, span[0], *kept[0], x))
         self._begin(task.span.start)
         return x
-
-    def _keep_start(self, memory: Memory, before: np.ndarray, x: np.ndarray) -> None:
-        """Keep what is known before the laws take their modes; `before`, `x`: the states then, and behind it."""
-        from lmoc.numerics.events.occasion import START, Occasion, behind
-
-        outcome = Outcome(self.task.span.start, before, 0)
-        led = behind(self.dynamics, x, 0)
-        self.task.occasions.append(Occasion(START, self.dynamics, memory, outcome, 0.0, 0.0, led))
 
     def _begin(self, time: float) -> None:
         """Begin a segment with the values that hold now between events."""
@@ -396,8 +391,9 @@ class _Run:
         if loops is not None:
             continuation = self.changes.apart(self.segment, outcome) if self._went_over and loops.is_near else None
             longest = loops.length() if continuation is None else np.inf
-            if continuation is None and longest is not None:
-                return self._in_shorter_steps(longest, outcome)
+            if continuation is None and longest is not None:  # a step has led too far
+                self.longest = min(longest, self._longest_step)
+                return self._integrate(outcome.x, outcome.time)
             self.lost, self.longest = loops.reason, self._longest_step
         else:
             sizes = assumed_sizes(self.segment.plan, self.task.values, outcome.x, self.task.sizes)
@@ -445,11 +441,6 @@ class _Run:
             form = TABLE["projected"] if wanted.name == "auto" else wanted
             segment.loops = LoopWatch(segment.observer, scale, form, task.span)
             segment.loops.begin(begin, x)
-
-    def _in_shorter_steps(self, longest: float, outcome: Outcome) -> Outcome:
-        """Go on from before a step that has led too far where closures nearly depend on each other."""
-        self.longest = min(longest, self._longest_step)
-        return self._integrate(outcome.x, outcome.time)
 
     def _finish(self, outcome: Outcome) -> None:
         """Close the segment under way; one without extent leaves nothing behind."""

@@ -28,22 +28,12 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Outcome, PlanCost, Problem
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.system import System
+from lmoc.numerics.steps.added_errors import bdf_factor, calibration, refinement
 from lmoc.numerics.steps.modes import EIGENVALUES, Modes
 from lmoc.numerics.steps.series_rule import is_better
 from lmoc.support.records import dataclass, replace
 
 TRIAL = 40  # steps after which the rest of a run is judged
-CALIBRATED = 0.25  # factor on the tolerance of DOP853 for what is not linear: errors are then as asked for
-NO_FINER = 1e-12  # than this, since rounding looks like an error where the equations are stiff
-ADDED = 100.0, 1.0  # steps whose errors add up to what a tolerance promises, in linear motion in proportion, …
-# … and in others by this power of their number: an error of the amplitude is one of the frequency, too, and the phase
-# adds it up once more, so that it is between 1 and 2
-DEPHASED = 60.0, 1.5
-_ADDED_SERIES, _DEPHASED_SERIES = (1e4, 1.0), (100.0, 1.5)  # the same along a Taylor series, whose errors are smaller
-WORTHWHILE = 0.5  # factor on the tolerance
-LEAST_FACTOR = 1e-6  # on the tolerance; where the memory of a motion is not known …
-LEAST_UNKNOWN = 0.1  # … this
-FORGOTTEN = 3.0  # time constants of its slowest mode after which a motion has forgotten an error
 _AGAIN = 4  # times as many steps later it is judged again
 OVERRUN = 60  # steps ahead up to which a run goes on as it has begun
 _LOOKED_AT = 50  # states up to which their modes are looked at in no time, so that a run may begin with a series
@@ -56,8 +46,6 @@ _LEAST_PATIENCE = 2_000  # steps that DOP853 may still need where it finds the p
 _LOOKED_AT_PATIENCE = 300  # the same where conditions are looked at in Python in each step, which takes as long as many
 _WORK = 4e7  # rows evaluated in that time
 _FOLLOWED = 300  # times as many steps where a fast swinging mode is at work: any method must follow it
-_TIGHTER = 0.1  # factor on the tolerances of BDF, whose global error is larger than its local one by more than DOP853's
-_PERIODS = 5.0  # of an undamped motion over which BDF then keeps the tolerance
 _GIVEN_UP = (Status.STIFF, Status.COLLAPSED, Status.NOT_FINITE)
 
 Integrate = Callable[[Problem, str], Outcome]
@@ -126,7 +114,10 @@ def legs(way: Way) -> Generator[Leg, None, tuple[Outcome, Used]]:
         way.problem = replace(problem, patience=np.inf)
         outcome, finer, _ = yield from _long_way(way)
         return outcome, Used(tuple(way.solvers), reason + finer, "dop853")
-    factor = _bdf_factor(problem, outcome) if name in ("cvode", "ida") else factor * _calibration(problem)
+    if name in ("cvode", "ida"):
+        factor = bdf_factor(problem, outcome, _jacobian(problem, outcome))
+    else:
+        factor *= calibration(problem)
     outcome = yield from way.go(Leg(name, factor))
     return outcome, Used(tuple(way.solvers), reason, way.solvers[-1])
 
@@ -149,7 +140,7 @@ def _begin(way: Way) -> Going:
         else:  # how long its steps are shall tell whether the series gets on
             first = _COMPARED
     overrun = OVERRUN if first == TRIAL else 0
-    return (yield from way.go(Leg("dop853", _calibration(way.problem), first, overrun)))
+    return (yield from way.go(Leg("dop853", calibration(way.problem), first, overrun)))
 
 
 def _long_way(way: Way) -> Generator[Leg, None, tuple[Outcome, str, float]]:
@@ -162,7 +153,7 @@ def _long_way(way: Way) -> Generator[Leg, None, tuple[Outcome, str, float]]:
     while True:
         outcome, steps = way.outcome, way.outcome.counts["steps"]
         if steps == made:  # all have been rejected
-            return (yield from way.go(Leg("dop853", factor * _calibration(problem)))), text, factor
+            return (yield from way.go(Leg("dop853", factor * calibration(problem)))), text, factor
         mean, ahead = (outcome.time - begun) / (steps - made), problem.end - outcome.time
         modes = way.modes(problem, outcome)
         series = _suits_series(way, modes, mean, ahead)
@@ -172,7 +163,7 @@ def _long_way(way: Way) -> Generator[Leg, None, tuple[Outcome, str, float]]:
             return outcome, text, factor
         # where that may be so here alone, DOP853 notices it, if no finer tolerance keeps its steps short
         unclear = stiff and ahead > problem.patience * mean
-        factor = 1.0 if unclear else _refinement(problem, modes, mean, series)
+        factor = 1.0 if unclear else refinement(problem, modes, mean, series)
         if factor < 1.0 and block == TRIAL:
             way.begin_again()
         begun, made, block = way.outcome.time, steps, block * _AGAIN
@@ -197,7 +188,7 @@ def _suits_series(way: Way, modes: Modes, mean: float, ahead: float) -> bool:
 
 def _since(way: Way, factor: float, ahead: float, series: bool) -> str:
     """Say why the tolerance is finer from here on."""
-    rtol = max(way.problem.rtol * factor * (1.0 if series else _calibration(way.problem)), FINEST_SMOOTH)
+    rtol = max(way.problem.rtol * factor * (1.0 if series else calibration(way.problem)), FINEST_SMOOTH)
     because = f"since the errors of some {float(f'{ahead:.1g}'):.0f} steps add up"
     return f"; at rtol {rtol:.1g} from t = {way.outcome.time:.3g} s, {because}"
 
@@ -208,7 +199,7 @@ def _go_on(way: Way, factor: float, series: bool, most: int, shortest: float) ->
         outcome = yield from way.go(Leg("taylor", factor, most, OVERRUN, shortest))
         if outcome.status not in _GIVEN_UP:
             return outcome
-    return (yield from way.go(Leg("dop853", factor * _calibration(way.problem), most, OVERRUN)))
+    return (yield from way.go(Leg("dop853", factor * calibration(way.problem), most, OVERRUN)))
 
 
 class Way:
@@ -308,72 +299,7 @@ class Way:
         self.outcome = later
 
 
-# ---------------------------------------------------------------------- how errors add up
-
-
-def calibrated(plan: Plan) -> float:
-    """Return the factor on the tolerance of DOP853 for runs in which few errors add up.
-
-    The errors of a linear motion obey its own equations and do not outgrow it: over the models of the notes and the
-    hard scenes they are below 20 times a tolerance of 1e-6 without a factor. Those of other motions may grow.
-    """
-    return 1.0 if plan.once(is_linear) else CALIBRATED
-
-
-def _calibration(problem: Problem) -> float:
-    """Return the same, with which the tolerance is no finer than rounding lets it be."""
-    return max(calibrated(problem.system.plan), min(1.0, NO_FINER / problem.rtol))
-
-
-def growth(plan: Plan) -> tuple[float, float]:
-    """Return how many steps of DOP853 keep the tolerance without a factor, and the power by which errors add up."""
-    return ADDED if plan.once(is_linear) else DEPHASED
-
-
-def _refinement(problem: Problem, modes: Modes, mean: float, series: bool) -> float:
-    """Return the factor on the tolerance with which the run as a whole keeps it.
-
-    Parameters
-    ----------
-    mean : s, the length of the steps
-    series : whether they are those of a Taylor series
-    """
-    linear = problem.system.plan.once(is_linear)
-    added = (_ADDED_SERIES if linear else _DEPHASED_SERIES) if series else growth(problem.system.plan)
-    length = problem.end - problem.t
-    if refined(added, mean, length, None) == 1.0:  # whatever the motion forgets
-        return 1.0
-    return refined(added, mean, length, None if modes.values is None else modes.memory)
-
-
-def refined(added: tuple[float, float], mean: float, length: float, memory: float | None) -> float:
-    """Return the factor on the tolerance with which a run as a whole keeps it.
-
-    Parameters
-    ----------
-    added : as of `growth`
-    mean, length : s, of the steps and of the run
-    memory : 1/s, rate at which the motion forgets an error; None where it is not known
-    """
-    steps, power = added
-    least = LEAST_UNKNOWN if memory is None else LEAST_FACTOR
-    if memory is not None and memory > 0:
-        length = max(mean, min(length, FORGOTTEN / memory))
-    factor = max(least, min(1.0, steps * mean / length) ** power)
-    return factor if factor < WORTHWHILE else 1.0
-
-
-def _bdf_factor(problem: Problem, outcome: Outcome) -> float:
-    """Return the factor on the tolerance of BDF, which loses more in each period that the motion remembers."""
-    jacobian = _jacobian(problem, outcome)
-    if jacobian is None:
-        return _TIGHTER
-    n, length = problem.system.plan.state_count, problem.end - outcome.time
-    values = np.linalg.eigvals(jacobian[:n, :n])
-    with np.errstate(divide="ignore"):
-        memory = np.minimum(length, np.where(values.real < 0, -FORGOTTEN / values.real, np.inf))
-    periods = float((memory * np.abs(values.imag)).max(initial=0.0)) / (2 * np.pi)
-    return _TIGHTER * min(1.0, _PERIODS / max(periods, 1.0))
+# ---------------------------------------------------------------------- stiffness
 
 
 def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
@@ -383,9 +309,6 @@ def _jacobian(problem: Problem, outcome: Outcome) -> np.ndarray | None:
     with np.errstate(all="ignore"):
         jacobian = problem.system.jacobian(outcome.time, outcome.x)
     return jacobian if np.isfinite(jacobian).all() else None
-
-
-# ---------------------------------------------------------------------- stiffness
 
 
 def _has_nonlinear_blocks(plan: Plan) -> bool:

@@ -28,23 +28,7 @@ def with_events(flat: FlatDAE, drafts: Drafts, assembler: Assembler, report: Rep
     if not _has_events(flat):
         return flat
     work = Extraction(flat.count, flat.variable_name)
-    continuous: list[Group] = []
-    equations: list[Assigned] = []
-    for group in flat.groups:
-        shapes, slots = work.without(
-            (group.left, group.right), group.slots, group.span, group.part, group.origin != ASSIGNED
-        )
-        (left, right), slots = _used(shapes, slots)
-        kinds = _kinds(flat, work, slots)
-        if group.origin == ASSIGNED or (Kind.DISCRETE in kinds and Kind.UNKNOWN not in kinds):
-            if group.origin != ASSIGNED and (Kind.INPUT in kinds or _timed(left, right)):
-                _report_continuous(flat, group, report)
-            fixed = group.origin == ASSIGNED
-            equations.append(Assigned(left, right, slots, group.span, group.part, fixed))
-        else:
-            if left.op == "slot" and kinds and kinds[left.value[0]] == Kind.DISCRETE:
-                _report_continuous(flat, group, report)
-            continuous.append(replace(group, left=left, right=right, slots=slots))
+    continuous, equations = _separated(flat, work, report)
     start, initial_groups = _start(flat, drafts, work)
     reinits = _reinits(drafts.reinits, assembler, work)
     changed = replace(
@@ -54,13 +38,11 @@ def with_events(flat: FlatDAE, drafts: Drafts, assembler: Assembler, report: Rep
         initial_groups=initial_groups,
     )
     single = drafts.helpers.single
-    pairs = reversed(drafts.helpers.before.items())  # pre(pre(v)) is what pre(v) has been: it is taken first
-    before = [np.stack([v.offset + np.arange(v.size) for v in pair]) for pair in pairs]
     events = Events(
         discrete=np.setdiff1d(np.flatnonzero(changed.kind == Kind.DISCRETE), _of_laws(flat)),
-        before=np.concatenate(before, axis=1) if before else np.zeros((2, 0), np.int64),
+        before=_before(drafts),
         relations=tuple(replace(r, of_package=assembler.is_of_package(r.span)) for r in work.relations),
-        equations=tuple(equations),
+        equations=equations,
         start=start,
         samples=tuple(_samples(d, assembler) for d in drafts.samples),
         reinits=reinits,
@@ -76,6 +58,33 @@ def with_events(flat: FlatDAE, drafts: Drafts, assembler: Assembler, report: Rep
         terminal=single["terminal()"].offset if "terminal()" in single else -1,
     )
     return replace(changed, events=events)
+
+
+def _separated(flat: FlatDAE, work: Extraction, report: Report) -> tuple[list[Group], tuple[Assigned, ...]]:
+    """Return the equations that hold between events, without relations, and those that are solved at them."""
+    continuous: list[Group] = []
+    equations: list[Assigned] = []
+    for group in flat.groups:
+        fixed = group.origin == ASSIGNED
+        shapes, slots = work.without((group.left, group.right), group.slots, group.span, group.part, not fixed)
+        (left, right), slots = _used(shapes, slots)
+        kinds = _kinds(flat, work, slots)
+        if fixed or (Kind.DISCRETE in kinds and Kind.UNKNOWN not in kinds):
+            if not fixed and (Kind.INPUT in kinds or _timed(left, right)):
+                _report_continuous(flat, group, report)
+            equations.append(Assigned(left, right, slots, group.span, group.part, fixed))
+        else:
+            if left.op == "slot" and kinds and kinds[left.value[0]] == Kind.DISCRETE:
+                _report_continuous(flat, group, report)
+            continuous.append(replace(group, left=left, right=right, slots=slots))
+    return continuous, tuple(equations)
+
+
+def _before(drafts: Drafts) -> np.ndarray:
+    """Return (2, k) what holds which value before an event; that of ``pre(pre(v))`` is taken first."""
+    pairs = reversed(drafts.helpers.before.items())
+    found = [np.stack([v.offset + np.arange(v.size) for v in pair]) for pair in pairs]
+    return np.concatenate(found, axis=1) if found else np.zeros((2, 0), np.int64)
 
 
 def _has_events(flat: FlatDAE) -> bool:

@@ -9,16 +9,16 @@ import numpy as np
 from lmoc.numerics.observe.observer import Observer, find
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.solve.jacobian import Jacobian
-from lmoc.numerics.steps.automatic import (
+from lmoc.numerics.steps.added_errors import (
     FORGOTTEN,
     LEAST_FACTOR,
     LEAST_UNKNOWN,
     NO_FINER,
-    TRIAL,
     WORTHWHILE,
     calibrated,
     growth,
 )
+from lmoc.numerics.steps.automatic import TRIAL
 from lmoc.numerics.steps.modes import EIGENVALUES
 from lmoc.numerics.task.tolerances import absolute_tolerances as of_components
 from lmoc.view.javascript.programs import unknowns_of
