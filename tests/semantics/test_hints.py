@@ -22,6 +22,7 @@ def said(text: str) -> list:
         ("model A Mass mass(m = 1, q = 0.5); end A;", "E0307", "0.5", "'q(start = 0.5, fixed = true)'"),
         ("model A Modelica.SIunits.Length x = 1; end A;", "E0202", "Modelica.SIunits.Length", 'Real x(unit = "m")'),
         ("model A Modelica.Units.SI.Torque x = 1; end A;", "E0202", "Modelica.Units.SI.Torque", '"N.m"'),
+        ("model A Motor motor(u = 1); end A;", "E0202", "Motor", "did you mean 'DCMotor'?"),
         ("model A import Modelica.Constants.pi; Real x = pi; end A;", "E0202", None, "3.14159"),
         ("model A Real x; equation; x = 1; end A;", "E0101", ";", "leave it out"),
         ("function f output Real y; algorithm; y := 1; end f; model A Real x = f(); end A;", "E0101", ";", "leave it"),

@@ -145,12 +145,18 @@ def test_picture_plots_and_sliders_are_on_one_screen(suspension, size):
         return { left, top, right, bottom, width, height };
       });
       const first = boxes();
+      for (const details of document.querySelectorAll("details")) details.open = true;
+      const targets = [...document.querySelectorAll("button, select, summary, input")];
+      const boxOf = (e) => (e.type === "checkbox" ? e.parentElement : e).getBoundingClientRect();
+      const sized = targets.map((e) => [e.id || e.textContent || e.type, boxOf(e)]);
+      const small = sized.filter(([, b]) => b.width && Math.min(b.width, b.height) < 24);
       $("panel").scrollTop = 1e6; $("curves").scrollTop = 1e6; scrollTo(0, 1e6); await frames(3);
       const { scrollWidth, scrollHeight } = document.documentElement;
-      return { first, picture: boxes()[0], scrollWidth, scrollHeight, innerWidth, innerHeight };
+      return { first, small, picture: boxes()[0], scrollWidth, scrollHeight, innerWidth, innerHeight };
     """, size=size)  # fmt: skip
     found = seen.answer
     assert seen.console == []
+    assert found["small"] == []  # each target of a finger has 24 px (WCAG 2.5.8)
     assert found["innerWidth"] == size[0] == found["scrollWidth"] and found["innerHeight"] == found["scrollHeight"]
     picture, play, plot, slider = found["first"]
     assert found["picture"] == picture and picture["width"] * picture["height"] > 0.12 * size[0] * size[1]

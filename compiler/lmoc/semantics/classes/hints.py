@@ -84,6 +84,15 @@ def visible(scope: Place) -> Iterator[str]:
     yield from BUILTINS
 
 
+def _components(scope: Place) -> Iterator[str]:
+    """Yield the names of the components that can be seen from a class."""
+    place: Place | None = scope
+    while place is not None:
+        own = place.table if place.complete else {}
+        yield from (name for name, element in own.items() if isinstance(element, Member))
+        place = place.parent
+
+
 def _imported(scope: Place, element: tree.Import) -> Iterator[str]:
     found = scope.root.find(element.path[0])
     try:
@@ -96,11 +105,11 @@ def _imported(scope: Place, element: tree.Import) -> Iterator[str]:
 
 
 def suggest(scope: Place, name: str) -> str:
-    """Return a hint with the visible name most like this one."""
+    """Return a hint with the visible name most like this one, which is no component."""
     if name in FOREIGN_TYPES:
         return f"write '{FOREIGN_TYPES[name]}'"
     packages = library.packages_with(name)
     if packages:
         return f"'import {packages[0]}.*;' in the model brings the library's {packages[0]}.{name}"
-    names = set(visible(scope))
+    names = set(visible(scope)) - set(_components(scope))
     return f"did you mean '{name}'?" if name in names else nearest(name, sorted(names))
