@@ -116,7 +116,7 @@ class DAE(CompiledDAE):
             Nothing varies, or lengths differ.
         """
         from lmoc.numerics.options.options import RunOptions
-        from lmoc.studies.batch import run
+        from lmoc.studies.batch import rows_of_a_chunk, run
         from lmoc.studies.job import job_of
         from lmoc.studies.rows import rows_of
         from lmoc.studies.sample import Sample
@@ -127,7 +127,8 @@ class DAE(CompiledDAE):
         rows = rows_of(self.flat, parameters, initial, inputs)
         options = RunOptions(start, stop, points, times, rtol, atol, solver, energy=energy, max_step=max_step)
         job = job_of(self._session, options, rows, keep or None, series)
-        return run(job, workers, None if store is None else Store(store, job, seed), progress)
+        kept = None if store is None else Store(store, job, lambda: rows_of_a_chunk(job), seed)
+        return run(job, workers, kept, progress)
 
     @budgeted("the fit", suspicion)
     def fit(

@@ -225,6 +225,21 @@ def test_a_store_gives_the_same_bits_and_refuses_other_runs(dae, tmp_path):
         dae.ensemble(inputs={"f": [lambda t: 1.0, "2"]}, stop=1, store=tmp_path / "t")
 
 
+def test_a_store_keeps_many_runs_that_c_makes_in_a_file(tmp_path):
+    """As many as the folder says, where it has been begun: a chunk that is lost is made again, with the same bits."""
+    model = "model A parameter Real k = 2; Real x(start = 1, fixed = true); equation der(x) = -k*x; end A;"
+    dae, values, asked = lmoc.compile_text(model), {"k": np.linspace(1, 2, 5000)}, {"stop": 0.1, "points": 2}
+    whole, new, begun = dae.ensemble(values, **asked)["x"], tmp_path / "new", tmp_path / "begun"
+    assert np.array_equal(dae.ensemble(values, **asked, store=new)["x"], whole)
+    begun.mkdir()
+    (begun / "study.json").write_text((new / "study.json").read_text().replace(": 4096", ": 1000"))
+    for folder, files in ((new, 2), (begun, 5)):
+        for _ in range(2):
+            assert np.array_equal(dae.ensemble(values, **asked, store=folder)["x"], whole)
+            assert len(list(folder.glob("chunk-*"))) == files
+            (folder / "chunk-000001.npz").unlink()
+
+
 def test_events_come_back_from_a_store_as_they_were(tmp_path):
     ball = lmoc.compile(next((ROOT / "models/laws").glob("*.lmo")))
     name, values = _varied(ball)

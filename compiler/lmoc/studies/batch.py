@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _SECONDS = 0.5  # of work in a chunk, about
 _LARGEST = 4096  # rows of a chunk
+_IN_STORE = 64  # rows of a chunk in a store, of runs that are made one by one
 _NUMBERS = 1_000_000  # states at output times in a chunk that is made in C
 Progress = Callable[[int, int], None]  # (runs done, runs in all)
 
@@ -110,8 +111,8 @@ def run(job: Job, workers: Any = None, store: Store | None = None, progress: Pro
         done_in_c = rows_in_lanes(job, [0])
         chunks[0] = _rows(job, [0], done_in_c)
         size = int(min(max(_SECONDS / (clock.perf_counter() - began), 1), _LARGEST))
-        if any(part for part, _ in done_in_c):  # what is started together costs little more than one
-            size = max(1, min(_LARGEST, _NUMBERS // (len(job.times) * max(1, len(job.session.reduced.states)))))
+        if any(part for part, _ in done_in_c):
+            size = _together(job)
         if threads != 1:  # several chunks for each, so that they come to their end together
             size = max(1, min(size, -(-count // (4 * (threads or 1)))))
     starts = [0, *range(1, count, size)] if store is None else list(range(0, count, size))
@@ -135,6 +136,17 @@ def run(job: Job, workers: Any = None, store: Store | None = None, progress: Pro
     units = {name: unit_of(job.session.reduced, name) for name in (*job.names, *given)}
     flat_name = job.session.flat.name
     return joined(flat_name, job.times, given, units, [chunks[k] for k in range(len(starts))])
+
+
+def rows_of_a_chunk(job: Job) -> int:
+    """Return how many runs a store keeps in a file: more where C makes them, so that files are not most of the work."""
+    in_c = any(part for part, _ in rows_in_lanes(job, [0])) if job.rows.count else False
+    return max(_IN_STORE, _together(job)) if in_c else _IN_STORE
+
+
+def _together(job: Job) -> int:
+    """Return how many runs C starts together: that costs little more than one, but memory."""
+    return max(1, min(_LARGEST, _NUMBERS // (len(job.times) * max(1, len(job.session.reduced.states)))))
 
 
 def _shared(job: Job, parts: Sequence[range], client: Any, threads: int | None) -> Iterator[tuple[int, Chunk]]:

@@ -10,7 +10,7 @@ import hashlib
 import io
 import json
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -25,21 +25,30 @@ from lmoc.studies.ensemble import Chunk
 from lmoc.studies.job import Job
 from lmoc.support.version import __version__
 
-SIZE = 64  # rows of a chunk
+_ROWS = "rows of a chunk"
 _TABLES = ("series", "end", "minimum", "maximum")
 
 
 class Store:
-    """The folder of one ensemble."""
+    """The folder of one ensemble.
 
-    def __init__(self, folder: str | Path, job: Job, seed: int | None = None) -> None:
+    Attributes
+    ----------
+    size : rows of a chunk
+    """
+
+    def __init__(self, folder: str | Path, job: Job, size: Callable[[], int], seed: int | None = None) -> None:
         """
+        Parameters
+        ----------
+        size : of chunks, where the folder is new
+
         Raises
         ------
         ModelError
             E0667: the folder holds other runs; E0623: it cannot be written.
         """
-        self.folder, self.size, self._job = Path(folder), SIZE, job
+        self.folder, self._job = Path(folder), job
         about = _about(job) | {"seed": seed}
         target = self.folder / "study.json"
         try:
@@ -50,6 +59,9 @@ class Store:
             raise _refusal("E0623", f"'{folder}' cannot be used as a store: {reason}") from None
         except ValueError as error:
             raise _refusal("E0623", f"'{folder}' cannot be used as a store: 'study.json' in it: {error}") from None
+        there = None if kept is None else kept.get(_ROWS)
+        self.size: int = there if isinstance(there, int) and there > 0 else size()
+        about[_ROWS] = self.size
         if kept is None:
             written(target, lambda beside: beside.write_text(json.dumps(about, indent=1), encoding="utf-8"))
         elif kept != about:
@@ -127,7 +139,6 @@ def _about(job: Job) -> dict[str, Any]:
         "options": _digest(*(line.encode() for line in options), job.times.tobytes(), bytes([job.series])),
         "variables": list(job.names),
         "runs": rows.count,
-        "rows of a chunk": SIZE,
     }
 
 
