@@ -8,7 +8,7 @@
 #include "dense.h"
 
 enum { TIME, SIGN, LEAST, MARGIN };            /* numbers of a place */
-enum { FIRST_BETWEEN = 2, HALVINGS = 4 };      /* places 0 and 1 are ends of steps; of a step, for a look at what is within */
+enum { FIRST_BETWEEN = 2, HALVINGS = 4, PARTS = 8 }; /* places 0 and 1 are ends of steps; for a look at what is within */
 enum { STALLED = 40, QUARTERS = 4 };           /* attempts to come on from one place, each in steps so much shorter */
 static const double SHORTEST = 1e-10;          /* of the run: a step as short is no way past a place */
 
@@ -31,7 +31,7 @@ int64_t lmoc_coordinates_lay_out(lmoc_coordinates *c, double *at) {
 #define TAKE(name, count) (c->name = at ? at + total : 0, total += (count))
   TAKE(places, LMOC_PLACES*width(c)), TAKE(size, c->count), TAKE(bound, c->count), TAKE(row_factor, c->rows);
   TAKE(column_factor, c->columns), TAKE(range, c->columns), TAKE(recent, c->count);
-  TAKE(work, most + 4*(c->rows + c->columns) + c->count + table_size(c) + c->watched);
+  TAKE(apart, 3*c->watched), TAKE(pace, c->watched), TAKE(work, most + 4*(c->rows + c->columns) + c->count + table_size(c) + c->watched);
 #undef TAKE
   c->place = at ? (int32_t *)(at + total) : 0;
   if (at && !c->blocks) for (int64_t k = 0; k < c->count; k++) c->place[k] = (int32_t)k;
@@ -169,11 +169,13 @@ int lmoc_coordinates_passed(const lmoc_coordinates *c) {
   return now == 0 || now != place(c, c->accepted)[SIGN];
 }
 
-/* How far a watched coordinate has come between two places, apart from what velocities tell. */
+/* How far a watched coordinate has come between two places, apart from what velocities tell: those by the states, or, where
+   no state moves it, that of the step before. */
 static double unexplained(const lmoc_coordinates *c, int64_t a, int64_t b, int64_t r) {
   const int64_t free = c->columns - c->rows;
   const double *before = coordinates(c, a), *after = coordinates(c, b);
   double rest = after[c->row[r]] - before[c->row[r]];
+  if (!free && c->paced) rest -= c->pace[r]*(place(c, b)[TIME] - place(c, a)[TIME]);
   for (int64_t j = 0; j < free; j++)
     rest += (table(c, a)[r*free + j] + table(c, b)[r*free + j])/2*(after[c->rows + j] - before[c->rows + j]);
   return rest == rest ? fabs(rest) : 0;
@@ -193,50 +195,67 @@ static double radian(const lmoc_coordinates *c, int64_t column) {
   return c->column_factor[column]*(all ? 1 : angles ? angles/sum : c->units[column]);
 }
 
+/* How far an angle may go unexplained, however far it goes in all. */
+static double farthest(const lmoc_coordinates *c, int64_t column) {
+  return c->units[column] == 1 ? c->by.turned*radian(c, column) : INFINITY;
+}
+
+/* Whether what is unexplained of the way of a watched coordinate may be the distance of two solutions. */
+static int is_far(const lmoc_coordinates *c, int64_t r, double rest) {
+  return rest >= c->by.neighbours*radian(c, c->row[r]);
+}
+
 /* The watched coordinate that velocities explain least, if it is to be looked at what happens within the step; else -1. */
 static int64_t unexplained_one(const lmoc_coordinates *c) {
   double most = -INFINITY, way = 0, rest = 0;
   int64_t found = -1;
   for (int64_t r = 0; c->told && r < c->watched; r++) {
     const double own = fabs(coordinates(c, c->last)[c->row[r]] - coordinates(c, c->accepted)[c->row[r]]),
+                 allowed = fmin(c->by.unexplained*own, farthest(c, c->row[r])),
                  left = unexplained(c, c->accepted, c->last, r);
-    if (!(left - c->by.unexplained*own > most)) continue;
-    most = left - c->by.unexplained*own;
-    found = r, way = own, rest = left;
+    if (!(left - allowed > most)) continue;
+    most = left - allowed;
+    found = r, way = allowed, rest = left;
   }
-  if (found < 0 || !(rest > c->by.unexplained*way)) return -1;
-  const double unit = radian(c, c->row[found]);
-  return rest > c->by.unexplained*way + c->by.rounding*unit && rest >= c->by.neighbours*unit ? found : -1;
+  if (found >= 0 && c->columns == c->rows && !c->paced) return found;
+  if (found < 0 || !(rest > way)) return -1;
+  return rest > way + c->by.rounding*radian(c, c->row[found]) && is_far(c, found, rest) ? found : -1;
 }
 
-/* Look at the middle between two places. */
-static void look_between(lmoc_coordinates *c, int64_t a, int64_t b, int64_t k) {
+/* Look at a share of the straight way between two places. */
+static void look_between(lmoc_coordinates *c, int64_t a, int64_t b, double share, int64_t k) {
   double *x = states(c, k);
   c->inside = 1;
-  for (int64_t i = 0; i < c->n; i++) x[i] = (states(c, a)[i] + states(c, b)[i])/2;
-  look(c, k, (place(c, a)[TIME] + place(c, b)[TIME])/2, x);
+  for (int64_t i = 0; i < c->n; i++) x[i] = (1 - share)*states(c, a)[i] + share*states(c, b)[i];
+  look(c, k, (1 - share)*place(c, a)[TIME] + share*place(c, b)[TIME], x);
 }
 
 /* Whether the dependent coordinates have come by their velocities to where they are. Constraints are the same after a whole
    turn of an angle, so that they do not tell if Newton's method has gone over to another solution. What is unexplained by
-   velocities becomes less with every half of a step, a jump does not. */
+   velocities becomes less in parts of a step, a jump does not. All parts are looked at: where nothing is explained (a loop
+   that its crank moves, and that moves nothing), the one with the longest way need not be the one with the jump. */
 static int keeps_on(lmoc_coordinates *c) {
-  const int64_t row = unexplained_one(c);
-  int64_t a = c->accepted, b = c->last;
-  if (row < 0) return 1;
-  double most = unexplained(c, a, b, row), left = most;
-  for (int k = 0; k < HALVINGS; k++) {
-    int64_t middle = FIRST_BETWEEN;
-    while (middle == a || middle == b) middle++;
-    look_between(c, a, b, middle);
-    if (unexplained(c, middle, b, row) > unexplained(c, a, middle, row)) a = middle;
-    else b = middle;
-    left = unexplained(c, a, b, row);
-    most = fmax(most, left); /* a prescribed motion that turns round within the step has hardly come on in all */
+  const int64_t a = c->accepted, b = c->last;
+  double *most = c->apart, *left = c->apart + c->watched, *when = left + c->watched;
+  if (unexplained_one(c) < 0) return 1;
+  for (int64_t r = 0; r < c->watched; r++) most[r] = unexplained(c, a, b, r), left[r] = 0;
+  for (int64_t part = 1, before = a; part <= PARTS; part++) {
+    const int64_t now = part == PARTS ? b : FIRST_BETWEEN + part % 2;
+    if (now != b) look_between(c, a, b, (double)part/PARTS, now);
+    for (int64_t r = 0; r < c->watched; r++) {
+      const double own = unexplained(c, before, now, r);
+      if (own > left[r]) left[r] = own, when[r] = (place(c, before)[TIME] + place(c, now)[TIME])/2;
+      most[r] = fmax(most[r], unexplained(c, a, now, r)); /* what turns round has hardly come on in all */
+    }
+    before = now;
   }
-  if (left <= c->by.at_once*most + c->by.rounding*radian(c, c->row[row])) return 1;
-  c->singular = (place(c, a)[TIME] + place(c, b)[TIME])/2;
-  return 0;
+  for (int64_t r = 0; r < c->watched; r++) {
+    const double unit = radian(c, c->row[r]), allowed = fmin(c->by.at_once*most[r], farthest(c, c->row[r]));
+    if (!is_far(c, r, left[r]) || left[r] <= allowed + c->by.rounding*unit) continue;
+    c->singular = when[r];
+    return 0;
+  }
+  return 1;
 }
 
 static int is_regular_between(lmoc_coordinates *c, int64_t a, int64_t b) {
@@ -267,7 +286,7 @@ static int stays_regular(lmoc_coordinates *c, int64_t a, int64_t b, int halvings
     return 0;
   }
   const int64_t middle = FIRST_BETWEEN + HALVINGS - halvings;
-  look_between(c, a, b, middle);
+  look_between(c, a, b, 0.5, middle);
   return stays_regular(c, a, middle, halvings - 1) && stays_regular(c, middle, b, halvings - 1);
 }
 
@@ -294,12 +313,21 @@ static void look_at_end(lmoc_coordinates *c, double time, const double *x) {
 }
 
 int lmoc_coordinates_begin(lmoc_coordinates *c, double time, const double *x) {
-  c->accepted = c->last = 0;
+  c->accepted = c->last = c->paced = 0;
   look(c, 0, time, x);
   const double worst = worst_entry(c, 0);
   c->limit = fmax(c->limit, c->by.margin*fmin(fmax(1, worst), c->by.tolerated));
   const int bad = worst > c->limit || lmoc_coordinates_vanish(c, 0);
   return c->halted || bad ? LMOC_WORSE : LMOC_SERVE;
+}
+
+/* The step looked at is good. */
+static void accept(lmoc_coordinates *c) {
+  const double length = place(c, c->last)[TIME] - place(c, c->accepted)[TIME];
+  for (int64_t r = 0; c->told && r < c->watched && length > 0; r++)
+    c->pace[r] = (coordinates(c, c->last)[c->row[r]] - coordinates(c, c->accepted)[c->row[r]])/length;
+  c->paced = length > 0;
+  c->accepted = c->last;
 }
 
 int lmoc_coordinates_judge(lmoc_coordinates *c, double time, const double *x) {
@@ -313,7 +341,7 @@ int lmoc_coordinates_judge(lmoc_coordinates *c, double time, const double *x) {
     if (c->inside) look(c, c->last, time, x); /* the system's blocks go on from the end of the step */
   }
   if (c->halted) return LMOC_WORSE;
-  c->accepted = c->last;
+  accept(c);
   return LMOC_SERVE;
 }
 
@@ -419,7 +447,7 @@ void lmoc_step_watch_keep(void *own) {
   lmoc_step_watch *s = own;
   lmoc_coordinates *c = s->by;
   double *record = s->record + s->kept*(1 + c->n + c->solved);
-  c->accepted = c->last;
+  accept(c);
   s->mark(s->call);
   s->kept++;
   record[0] = place(c, c->last)[TIME];

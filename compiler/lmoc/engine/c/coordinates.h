@@ -9,7 +9,7 @@
 
 /* As `numerics/coordinates/limits.py` describes them, in its order. */
 typedef struct {
-  double margin, tolerated, good, unexplained, neighbours, rounding, at_once, alert, sure, dependent, share, vanishing, grown,
+  double margin, tolerated, good, unexplained, neighbours, rounding, at_once, turned, alert, sure, dependent, share, vanishing, grown,
          normal, no_entry;
 } lmoc_coordinate_limits;
 
@@ -59,8 +59,8 @@ typedef struct {
   void *owner;
   int (*ask)(void *owner, int what, double time, const double *x, int64_t k, int64_t other);
   double limit, alert, singular, answer, recent_least;
-  int64_t accepted, last, lost_rank, inside, equilibrated, halted;
-  double *places, *size, *bound, *row_factor, *column_factor, *range, *recent, *work;
+  int64_t accepted, last, lost_rank, inside, equilibrated, halted, paced;
+  double *places, *size, *bound, *row_factor, *column_factor, *range, *recent, *apart, *pace, *work;
   int32_t *place;                /* (count,) */
 } lmoc_coordinates;
 

@@ -74,6 +74,8 @@ int lmoc_evaluate(lmoc_call *c, double time, const double *x) {
   *c->last = 0;
   given(c, x);
   if (!c->remembered) return run(c, time);
+  /* the last one may stand far ahead of a place in the step before it */
+  if (c->solved && c->marked && fabs(time - c->marked_time) < fabs(time - c->time)) lmoc_go_back(c);
   if (c->solved) restore(c, c->solution);
   int status = run(c, time);
   if (status && c->solved) status = approach(c, time, x);

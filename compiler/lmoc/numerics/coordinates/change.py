@@ -37,8 +37,8 @@ def registers_at(observer: Observer, system: System, t: float, x: np.ndarray) ->
     system.rhs(t, x, np.empty(len(x)))
     near, w = system.registers, observer.base.copy()
     if near is not None:
-        for unknowns in _unknowns(plan):
-            w[unknowns] = near[unknowns]
+        unknowns = plan.once(block_unknowns)
+        w[unknowns] = near[unknowns]
     w[plan.states] = x
     for register, (variable, order) in zip(plan.sampled.tolist(), plan.samplers, strict=True):
         w[register] = sample(observer.signals[variable], order, np.array([t]))[0]

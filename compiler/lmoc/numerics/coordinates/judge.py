@@ -36,9 +36,9 @@ class _Coordinates(ctypes.Structure):
         *[(n, ctypes.c_int64) for n in ("blocks", "ranked")],
         *[(n, ctypes.c_void_p) for n in ("row", "units", "barred", "owner", "ask")],
         *[(n, ctypes.c_double) for n in ("limit", "alert", "singular", "answer", "recent_least")],
-        *[(n, ctypes.c_int64) for n in ("accepted", "last", "lost_rank", "inside", "equilibrated", "halted")],
+        *[(n, ctypes.c_int64) for n in ("accepted", "last", "lost_rank", "inside", "equilibrated", "halted", "paced")],
         *[(n, ctypes.c_void_p) for n in ("places", "size", "bound", "row_factor", "column_factor", "range", "recent")],
-        *[(n, ctypes.c_void_p) for n in ("work", "place")],
+        *[(n, ctypes.c_void_p) for n in ("apart", "pace", "work", "place")],
     ]
 
 

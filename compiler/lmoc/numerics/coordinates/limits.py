@@ -20,7 +20,9 @@ class Limits:
         at what happens within a step
     neighbours : in equilibrated form, about radians: solutions nearer than that are so at singular places alone
     rounding : way of a coordinate that is none
-    at_once : of what velocities leave unexplained, what a sixteenth of the step may have at the most
+    at_once : of what velocities leave unexplained, what an eighth of the step may have at the most
+    turned : in equilibrated form, about radians: the same for an angle, whatever the step has. It is less than what a
+        jump by a whole turn is when an eighth of a step's way is taken off it
     alert : smallest singular value, in equilibrated form, below which a place ahead where constraints depend on each
         other is looked for
     sure : a lower bound of the smallest singular value with which it need not be computed
@@ -40,6 +42,7 @@ class Limits:
     neighbours: float = 0.02
     rounding: float = 1e-6
     at_once: float = 0.5
+    turned: float = 2.5
     alert: float = 0.1
     sure: float = 0.12
     dependent: float = 1e-3

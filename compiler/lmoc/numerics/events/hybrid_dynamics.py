@@ -18,6 +18,7 @@ import numpy as np
 from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Span as SourceSpan
+from lmoc.numerics.coordinates.change import all_unknowns
 from lmoc.numerics.events.closeness import located, near_to
 from lmoc.numerics.events.event_handler import EventHandler, Starter
 from lmoc.numerics.events.memory import Begun, Memory
@@ -125,6 +126,8 @@ class HybridDynamics:
 
     def stand_at(self, unknowns: np.ndarray, solutions: np.ndarray) -> None:
         """Take the solutions of the nonlinear blocks where the run stands, to stay on their branch."""
+        if not len(unknowns):
+            return
         self.open[unknowns] = solutions
         if self.laws is not None:
             self.laws.kinematics.stand_at(unknowns, solutions)
@@ -255,7 +258,9 @@ class HybridDynamics:
         """What ends the run here is raised: `Stopped`."""
 
     def watch(self, observer: Observer, t: float, x: np.ndarray) -> Roots | None:
-        """Return what ends the segment that begins at a place; all that it reads is in the modes and values here."""
+        """Return what ends the segment that begins at a place, or goes on there: on the observer's branch."""
+        unknowns = self.plan.once(all_unknowns)
+        self.stand_at(unknowns, observer.base[unknowns])
         return self.roots(t, x)
 
     def roots(self, t: float, x: np.ndarray) -> Roots | None:

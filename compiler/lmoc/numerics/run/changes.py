@@ -21,6 +21,7 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import Outcome
 from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.system import System
+from lmoc.numerics.run.branches import standing
 from lmoc.numerics.start.singular import BESIDE, StartSingular, starts_singular
 from lmoc.numerics.task.task import Segment, Task
 from lmoc.support.records import dataclass
@@ -263,8 +264,9 @@ class Changes:
 
     def _standing(self, segment: Segment, time: float, solutions: np.ndarray, first: int) -> Segment:
         """A segment that begins with these solutions of the blocks."""
-        old, task = segment.observer, self.task
-        base = with_solutions(segment.base, segment.watch.unknowns, solutions)
+        place = segment.watch.accepted
+        old, task = standing(segment, place.t, place.x), self.task
+        base = with_solutions(old.base, segment.watch.unknowns, solutions)
         observer = Observer(old.plan, old.values, base, old.signals)
         made = Segment(observer, segment.system, time, task.span.times, first, self.variables)
         made.mode = segment.mode
@@ -298,7 +300,7 @@ class Changes:
 
     def _begun(self, segment: Segment, outcome: Outcome, plan: Plan, system: System) -> Continuation | None:
         """A segment with another system; None where its states are not known at the place."""
-        task, old = self.task, segment.observer
+        task, old = self.task, standing(segment, outcome.time, outcome.x)
         w = registers_at(old, segment.system, outcome.time, outcome.x)
         base = plan.base(task.values, old.signals)
         x = carried_over(old, w, plan, base)

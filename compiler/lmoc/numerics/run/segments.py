@@ -41,6 +41,7 @@ from lmoc.numerics.run.account import (
     note_coordinates,
     registers_at_end,
 )
+from lmoc.numerics.run.branches import idle_solutions, standing
 from lmoc.numerics.run.one_segment import Bounds, SegmentSolver
 from lmoc.numerics.start.first_states import first_states
 from lmoc.numerics.task.sizes import assumed_sizes
@@ -310,15 +311,20 @@ class _Run:
 
     # ------------------------------------------------------------------ the way
 
-    def _observer(self, continuation: Continuation | None) -> Observer:
+    def _observer(self, continuation: Continuation | None, t: float, x: np.ndarray) -> Observer:
         """The observer of the segment, with the solutions of its blocks where it goes on.
 
         From those at its beginning Newton's method may come to another branch, where the segment is long.
         """
-        observer, watch = self.segment.observer, self.segment.watch
-        if continuation is None or watch is None or not len(watch.unknowns):
+        segment = self.segment
+        observer, watch = segment.observer, segment.watch
+        if continuation is None:
             return observer
-        base = with_solutions(self.segment.base, watch.unknowns, watch.accepted.solutions)
+        if t > segment.begin:
+            observer = standing(segment, t, x)
+        if watch is None or not len(watch.unknowns):
+            return observer
+        base = with_solutions(observer.base, watch.unknowns, watch.accepted.solutions)
         return Observer(observer.plan, observer.values, base, observer.signals)
 
     def _integrate(self, x: np.ndarray, begin: float, continuation: Continuation | None = None) -> Outcome:
@@ -332,7 +338,7 @@ class _Run:
         if task.options.solver == MOREAU:
             return self._march(x, begin)
         watched = self.monitors
-        end, roots = watched.until(task.span.end), watched.watch(self._observer(continuation), begin, x)
+        end, roots = watched.until(task.span.end), watched.watch(self._observer(continuation, begin, x), begin, x)
         if watched.ended is not None:
             return Outcome(begin, x, 0, watched.ended)
         bounds = Bounds(begin, end, self.longest, roots, continuation=continuation)
@@ -415,7 +421,7 @@ class _Run:
     def _adopt(self, continuation: Continuation) -> None:
         """Have events and laws go on in the coordinates of a new segment."""
         task, now, made = self.task, self.dynamics, continuation.segment
-        unknowns = all_unknowns(made.plan)
+        unknowns = made.plan.once(all_unknowns)
         base = with_solutions(made.plan.base(task.values, task.signals), unknowns, made.base[unknowns])
         now.adopt(made.plan, base, made.begin, continuation.x)
         observer = Observer(made.plan, task.values, now.base(), now.signals)
@@ -428,6 +434,7 @@ class _Run:
         registers = registers_at_end(self.segment.system, outcome) if len(unknowns) else None
         if registers is not None:
             self.dynamics.stand_at(unknowns, registers[unknowns])
+        self.dynamics.stand_at(*idle_solutions(self.segment, outcome.time, outcome.x))
 
     def _watch_loops(self, begin: float, x: np.ndarray) -> None:
         """Have the closures watched, in a formulation where all coordinates of the loops are states."""

@@ -8,6 +8,7 @@ Nonlinear Problems (2004), section 5.1, along the straight line between the two 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -15,6 +16,9 @@ import numpy as np
 from lmoc.numerics.solve.newton import Newton
 
 SHORTEST = 2.0**-10  # of the way between two output times
+_KEPT = 32  # places to go on from: more than a search for roots looks at in a step, and few to choose from
+
+Solved = tuple[tuple[np.ndarray, float], list[np.ndarray | None]]  # registers given, time, and what has been found
 
 
 class Follower:
@@ -36,12 +40,14 @@ class Follower:
         self.run = run
         self.newtons, self.unknowns = newtons, unknowns
         self.before: tuple[np.ndarray, float] | None = None  # where all blocks have been solved last
+        self._known: deque[Solved] = deque(maxlen=_KEPT)  # this place and those before it, with their solutions
         self._lost = 0  # times in a row without a solution
 
         self._marked: tuple[tuple[np.ndarray, float], list[np.ndarray | None]] | None = None
 
     def forget(self) -> None:
         self.before, self._marked, self._lost = None, None, 0
+        self._known.clear()
 
     def mark(self) -> None:
         """Take the last solutions for some to go back to, where the way from later ones fails."""
@@ -53,6 +59,7 @@ class Follower:
         if self._marked is not None:
             self.before, marked = self._marked
             self._restore(marked)
+            self._known.clear()
 
     def __call__(self, w: np.ndarray, times: np.ndarray) -> None:
         """Fill w (registers, times)."""
@@ -68,7 +75,14 @@ class Follower:
             newton.last = w[unknowns]
 
     def go(self, w: np.ndarray, time: float) -> None:
-        """Fill w (registers,) at a time that may lie ahead of the last one or behind it."""
+        """Fill w (registers,) at a time that may lie ahead of the last one or behind it.
+
+        It is gone to from the place nearest to it in time: a search within a step returns to where the step begins, and
+        from its end Newton's method may come to another branch there.
+        """
+        if len(self._known) > 1:
+            self.before, nearest = min(reversed(self._known), key=lambda known: abs(known[0][1] - time))
+            self._restore(nearest)
         given, solutions = w.copy(), self._solutions()
         if self._lost & (self._lost - 1):  # all ways are tried again only when as long without a solution as before
             self._seek(w, time, False)
@@ -88,6 +102,7 @@ class Follower:
             self._seek(w, time, True)
         if all(np.isfinite(newton.target).all() for newton in self.newtons):
             self.before, self._lost = (given, time), 0
+            self._known.append((self.before, self._solutions()))
         else:
             self._lost += 1
             self._restore(solutions)
