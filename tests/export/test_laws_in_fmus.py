@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from ctypes import c_double
 from pathlib import Path
 
 import numpy as np
@@ -181,6 +182,39 @@ def test_bounces_that_another_tool_does_not_resolve_are_foreseen(made, rtol: flo
     low = left < 1e-3
     assert low.sum() > 30 and left[-1] < 2e-9
     assert left[low][1:] / left[low][:-1] == pytest.approx(0.7, rel=1e-5), "time is rounded to 1e-6 of the last one"
+
+
+def test_a_foreseen_hop_takes_its_closed_form_and_outlives_a_saved_state(made) -> None:
+    """2ev/g, then e times that, in another instance that knows of it from bytes. A ball that somebody has caught
+    meanwhile stays where it is."""
+
+    def event(fmu, time: float, x: list[float]) -> tuple[float, list[float]]:
+        fmu.setTime(time)
+        fmu.setContinuousStates((c_double * 2)(*x), 2)
+        fmu.enterEventMode()
+        *_, told, upcoming = fmu.newDiscreteStates()
+        fmu.enterContinuousTimeMode()
+        fmu.getContinuousStates(found := (c_double * 2)(), 2)
+        return upcoming if told else np.inf, list(found)
+
+    path, v = made["Ball"][1], 1e-4
+    fmu, other = (instance(path, "ModelExchange")[0] for _ in range(2))
+    for one in (fmu, other):
+        begin(one, False)
+        one.newDiscreteStates()
+        one.enterContinuousTimeMode()
+    first, x = event(fmu, 0.5, [-1e-13, -v])
+    assert (first - 0.5, x) == (pytest.approx(2 * 0.7 * v / 9.81, rel=1e-9), [0.0, pytest.approx(0.7 * v)])
+    state = fmu.getFMUstate()
+    other.setFMUstate(other.deSerializeFMUstate(fmu.serializeFMUState(state)))
+    for one in (fmu, other):
+        second, x = event(one, first, [2e-14, -0.69 * v])  # what another tool has made of it
+        assert [second - first, x[1]] == pytest.approx([2 * 0.49 * v / 9.81, 0.49 * v], rel=1e-9)
+    fmu.setFMUstate(state)
+    assert event(fmu, first, [0.5, 0.0]) == (np.inf, [0.5, 0.0])
+    for one in (fmu, other):
+        one.terminate()
+        one.freeInstance()
 
 
 @pytest.mark.parametrize("rtol, within", [(1e-3, None), (1e-8, 1e-3)])

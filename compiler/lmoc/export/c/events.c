@@ -100,7 +100,6 @@ int fmu_first_root(fmu *f, double begin, double end, int (*states)(void *own, do
   lmoc_finder *finder = &f->finder;
   finder->count = fmu_roots(f);
   finder->signs = f->root + finder->count;
-  finder->which = (uint8_t *)(f->root + 3*finder->count);
   finder->owner = &c;
   finder->values = values_at;
   fmu_sides(f, finder->signs);

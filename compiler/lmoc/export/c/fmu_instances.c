@@ -71,6 +71,7 @@ static int64_t place_memory(fmu *f) {
   TAKE(e.flipped, i->discrete);
   TAKE(moved, 5*m->states);
   TAKE(root, 4*fmu_roots(f));
+  f->finder.which = (uint8_t *)(at ? f->root + 3*fmu_roots(f) : 0);
   TAKE(which, i->zeros);
   TAKE(events.turn, i->zeros);
   TAKE(events.at, i->zeros);
