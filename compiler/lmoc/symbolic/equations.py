@@ -272,9 +272,11 @@ def equations_of_motion(
     motion, outline = derive(reduced, values, forces, solved, named=True)
     if not solved:
         motion = replace(motion, residuals=tuple(_without_divided_signs(r) for r in motion.residuals))
-    if max((r.count_ops() for r in motion.residuals), default=0) > MOST_OPERATIONS:
-        hint = "`lmoc linearize` works in numbers"
-        raise no_symbols(f"the equations of motion of {outline.name} are too long to be read", hint)
+    longest = max((r.count_ops() for r in motion.residuals), default=0)
+    if longest > MOST_OPERATIONS:
+        hint = "`lmoc show --stage reduce` has them step by step, `lmoc linearize` about a state of rest in numbers"
+        why = f"one has {longest} operations, and {MOST_OPERATIONS} at most are shown"
+        raise no_symbols(f"the equations of motion of {outline.name} are too long to be read: {why}", hint)
     curves = _curves_in((*motion.residuals, *motion.forces.values()), reduced)
     late = [*(u.name for u in outline.inputs), *curves, *(q.name for q in motion.coordinates)]
     drivers = _drivers(reduced.flat, motion)
