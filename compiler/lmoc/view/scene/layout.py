@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 from lmoc.view.scene import symbols
 from lmoc.view.scene.elements import Element
 from lmoc.view.scene.picture import Anchor, Item, Point
@@ -86,7 +88,7 @@ class Layout:
         ratio = self._lengths.get(element.name, 1.0)
         return max(base * ratio, 0.0 if self.upright else width(text, 13) + 12)
 
-    @property
+    @cached_property
     def _lengths(self) -> dict[str, float]:
         """Known lengths of the elements against the middle one of them, within bounds that can be drawn."""
         known = {}

@@ -14,6 +14,7 @@ from lmoc.view.scene.names import Names, symbol
 from lmoc.view.scene.parallel import moved_across, place_across
 from lmoc.view.scene.picture import Anchor, Circle, Item, Move, Path, Point, Shape, Turn, Vertex, middle
 from lmoc.view.scene.placing import Wish, placed_labels
+from lmoc.view.scene.strip import ARROW
 from lmoc.view.scene.text import width
 
 MOST_LABELS = 60
@@ -254,8 +255,19 @@ class Plane:
             self.items.append(Item("slider", element.name, (b,), (block,), turn))
         else:
             self.items.append(Item("slider", element.name, (b,), ()))  # the body itself slides
-        if own := self.names.own(self.graph.variable(element, "s")):
-            self.wishes.append(Wish(symbol(own), b, element.name, 24.0))
+        way = self.graph.variable(element, "s")
+        if own := self.names.own(way):
+            self._along(element, b, (ex, ey), symbol(own), 24.0 if carried else 18.0)
+
+    def _along(self, element: Element, at: Anchor, direction: Point, text: str, beside: float) -> None:
+        """A coordinate's arrow along a line, beside what is on it."""
+        ex, ey = direction
+        side = beside if ex > 0 or (ex == 0 and ey > 0) else -beside  # above, or on the right of a line that is upright
+        foot = (side * ey, -side * ex)
+        tip = (foot[0] + ARROW * ex, foot[1] + ARROW * ey)
+        variables = {"coordinate": f"{element.name}.s"}
+        self.front.append(symbols.arrow("coordinate", element.name, at, foot, tip, "ink", 1.2, (), variables))
+        self.wishes.append(Wish(text, Anchor(at.x + tip[0], at.y + tip[1], at.moves), element.name, 8.0))
 
     def guide(self, element: Element, ports: Sequence[Port]) -> None:
         """A line of the ground that a point stays on."""

@@ -11,14 +11,17 @@ from lmoc.view.scene.strip import BODIES, HELD
 from lmoc.view.scene.text import width
 
 DISK = 8.0  # half of its thickness
+REACH = 28.0  # px of a shaft that ends in an arrow around it
 
 
 def shaft_node(layout: Layout, node: int, low: float, high: float) -> None:
     """Draw a shaft with its disks, and what turns it."""
     held = layout.strip.held(node)
     end = layout.end(node)
+    turned = held is not None or any(e.symbol == "torque" for e in layout.strip.on[node])
+    arrows = {-1: turned, 1: node in layout.style.coordinates and held is None}
     for side in (-1, 1):
-        _stubs(layout, node, side, (low + high) / 2)
+        _stubs(layout, node, side, (low + high) / 2, arrows[side])
     angle = layout.style.variables.get(node, "")
     if layout.strip.bodies(node):
         _disk(layout, node, max(34.0, (high - low) / 2 + 14), angle)
@@ -35,14 +38,20 @@ def shaft_node(layout: Layout, node: int, low: float, high: float) -> None:
         around(layout, end, 19.0, 17.0, layout.style.coordinates[node], "coordinate", "", "ink", angle)
 
 
-def _stubs(layout: Layout, node: int, side: int, middle: float) -> None:
-    """Draw the pieces of shaft that lead from a disk to the elements on one side, in whatever rows they are."""
+def _stubs(layout: Layout, node: int, side: int, middle: float, arrow: bool) -> None:
+    """Draw the pieces of shaft that lead from a disk to the elements on one side, in whatever rows they are.
+
+    Where nothing is on that side, a shaft without a disk ends in the arrow that is around it.
+    """
     half, end = layout.half[node], layout.end(node)
     rows = [
         layout.rows.row[k] for k, (_, a, b, _) in enumerate(layout.parts)
         if (a if (side > 0) != (k in layout.rows.turned) else b) == node
     ]  # fmt: skip
     if not rows:
+        if arrow and not layout.strip.bodies(node):
+            free = symbols.path((0, 0), layout.place(side * REACH, 0), width=3.0)
+            layout.items.append(Item("shaft", "", (end,), (free,)))
         return
     reached = [0.0, *(r * layout.pitch - middle for r in rows)]
     if min(reached) < max(reached):
