@@ -41,6 +41,9 @@ def said(text: str) -> list:
         ("model A spring spring(k = 1); end A;", "E0223", "spring", "'Spring'"),
         ("model A Real spring_ = 1; Real y = Spring; end A;", "E0301", "Spring", "'spring_'"),
         ("model A Real x, y; equation x + y = 1; end A;", "E0307", "A", "'x', 'y'"),
+        ("model A output Real x; end A;", "E0307", "A", "'x' occurs in no equation"),
+        ("model A Mass m(m = 1); Fixed w; equation connect(w.flange, m.q); end A;", "E0305", "m.q",
+         "the connectors of 'm' are flange"),
     ],
 )  # fmt: skip
 def test_one_right_message(text: str, code: str, marked: str | None, hint: str) -> None:

@@ -325,7 +325,7 @@ class EquationSection:
         if not signal and not (isinstance(node, Instance) and node.connector):
             what = "a variable" if isinstance(node, Variable) else f"a part ({node.cls.name})"
             raise Wrong("E0305", f"'{ref}' is {what}, not a connector", ref.span, expected="a connector",
-                        hint=_connectors_hint(node))  # fmt: skip
+                        hint=_connectors_hint(node) or _connector_of_hint(node, ref))  # fmt: skip
         return node, element_index(context, located), located.dims
 
     # --------------------------------------------------------------------------- checks
@@ -445,3 +445,14 @@ def _connectors_hint(node: InstanceNode) -> str:
         return ""
     names = [n for n, c in node.children.items() if isinstance(c, Instance) and c.connector]
     return f"its connectors are {', '.join(names)}" if names else ""
+
+
+def _connector_of_hint(variable: InstanceNode | Variable, ref: tree.Ref) -> str:
+    """Return a hint at the connectors of the part that a variable belongs to, or at the one it stands in."""
+    around, whole = variable.parent, str(ref).rpartition(".")[0]
+    if not isinstance(around, Instance) or not whole:
+        return ""
+    if around.connector:
+        return f"connect '{whole}' itself"
+    names = [n for n, c in around.children.items() if isinstance(c, Instance) and c.connector]
+    return f"the connectors of '{whole}' are {', '.join(names)}" if names else ""

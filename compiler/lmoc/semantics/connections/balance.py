@@ -246,7 +246,7 @@ def _start_hint(count: _Count) -> str:
 def _why_few(part: Instance, count: _Count, variables: Sequence[Variable], flows: float) -> str:
     """Return a hint at what may be missing."""
     own = [v for v in variables if v.parent.owner is part and v.kind in (Kind.UNKNOWN, Kind.DISCRETE) and not v.flow]
-    unused = [v for v in own if id(v) not in count.used and not v.causality and not v.connector]
+    unused = [v for v in own if id(v) not in count.used and v.causality != "input" and not v.connector]
     if unused:
         names = ", ".join(f"'{v.name}'" for v in unused[:5])
         return f"{names} {'occurs' if len(unused) == 1 else 'occur'} in no equation of the class"
