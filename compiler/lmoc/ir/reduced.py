@@ -263,8 +263,21 @@ class Reduced:
 
         Parameters
         ----------
-        near : the values are as near to some with which all hold as is asked for
+        near : the values are as near to some with which all hold as is asked for; what they are is known the next time
         """
+        if not near:
+            return self._guards_hold(values, near)
+        key = values.tobytes()
+        if key not in self._near:
+            self._near.clear()
+            self._near[key] = self._guards_hold(values, near)
+        return self._near[key].copy()
+
+    @cached_property
+    def _near(self) -> dict[bytes, np.ndarray]:
+        return {}
+
+    def _guards_hold(self, values: np.ndarray, near: bool) -> np.ndarray:
         good = np.ones(values.shape[1], bool)
         for guard in self.guards:
             if near and guard.open:
