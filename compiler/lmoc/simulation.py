@@ -406,7 +406,7 @@ def _as_run(
         own = Session(session.scene, flat, Clock())
         values = np.concatenate([prepared.values[: prepared.flat.count], own.values[prepared.flat.count :]])
         reduced = pipeline.reduce(flat, values, session.scene.states, Clock())
-        if reduced.state_names != prepared.reduced.state_names:  # what was added has led to others that serve as well
+        if not reduced.has_states_of(prepared.reduced):  # what was added has led to others that serve as well
             reduced = pipeline.reduce(flat, values, prepared.reduced.state_names, Clock())
         begun = {**(request.initial or {}), **initial} if initial else request.initial
         wanted = replace(request, inputs={**(request.inputs or {}), **inputs}, initial=begun, progress=None)

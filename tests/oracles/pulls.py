@@ -85,7 +85,8 @@ def pulled_everywhere(run):
 def _watched(run, variables) -> list[str]:
     """The states that a page has; other variables where it is too large to have any."""
     known = [v["name"] for v in variables if "register" in v and not v["name"].startswith("ledger.")]
-    return [name for name in run.states if name in known] or known[:SOME]
+    own = [name for name in run.states if name in known and not name.startswith("rate of law")]  # numbered anew
+    return own or known[:SOME]
 
 
 def _pulled(run, hands, watched, name, signals, reason, said, columns):
@@ -106,5 +107,6 @@ def _pulled(run, hands, watched, name, signals, reason, said, columns):
         missed = max(missed, np.abs(values[:relied] - truth[state][:relied]).max(initial=0) / size)
         moved = max(moved, np.abs(run[state][:count] - truth[state][:count]).max() / size)
     error = (work - work[0]) - (heat - heat[0]) - (stored - stored[0])
-    balance = np.abs(error).max() / max(1e-6, truth.energy.scale)
+    error = error[run.time[: len(error)] < truth.trajectory.unbooked[0]]  # where a step has done work beyond all bounds
+    balance = np.abs(error).max(initial=0) / max(1e-6, truth.energy.scale)
     return Pulled(name, hand.kind, signals[0], reason, float(missed), float(moved), float(balance), accuracy, doubted)

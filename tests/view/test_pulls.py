@@ -214,6 +214,25 @@ def test_whatever_is_pulled_moves_as_in_python_under_the_same_force(file):
 
 
 @needs_node
+def test_parts_are_pulled_where_a_motion_steps():
+    found = pulled_everywhere(compiled(MODELS / "laws" / "h20_road_step.lmo").simulate(rtol=1e-9, points=11, stop=1))
+    assert any(one.moved > 0.01 for one in found)
+    assert all(one.is_right and not one.reason and one.doubted is None for one in found)
+
+
+def test_a_law_with_states_of_its_own_does_not_keep_hands_away():
+    """They are numbered: with hands they have other names."""
+    run = lmoc.compile_text("""
+        model M import Planar.*; inner World world; PointMass car(m = 5);
+        Track track(points = [0, 1; 1, 0.2; 2, 0.4], leaves = true,
+          s(start = 0.1, fixed = true), v(start = 0, fixed = true), gap(start = 0, fixed = true));
+        equation connect(track.point, car.point); end M;""").simulate(stop=0.2, points=5)
+    held, hands, _ = run_with_hands(run, ["car.x", "car.y"])
+    assert [hand.name for hand in hands] == ["car.point"] and held.states != run.states
+    assert np.allclose(held["track.s"], run["track.s"], rtol=1e-9, atol=0)
+
+
+@needs_node
 def test_the_hand_is_so_stiff_that_what_it_holds_would_swing_twice_a_second():
     """By the inertia behind it where there is one; a massless end gives way as the springs on its sides say."""
     rate = 4 * np.pi

@@ -254,6 +254,14 @@ class Reduced:
     def state_names(self) -> list[str]:
         return [self.register_name(int(r)) for r in self.states]
 
+    def has_states_of(self, origin: Reduced) -> bool:
+        """Return whether the states are those of a scene that this one has more variables than; a law's own variables
+        are numbered anew, and stand behind those added."""
+        first, added = (origin.lawful or origin.flat).count, self.flat.count - origin.flat.count
+        own, theirs = (r.registers.variable[r.states] for r in (self, origin))
+        orders = [r.registers.order[r.states] for r in (self, origin)]
+        return np.array_equal(own - added * (own >= first + added), theirs) and np.array_equal(*orders)
+
     @cached_property
     def _made_for(self) -> bytes:
         return self.values.tobytes()

@@ -119,7 +119,7 @@ def run_with_hands(run: Result, names: Sequence[str]) -> tuple[Result, list[Hand
                 held = run.extended(extended, nothing, begun)
         except (ModelError, SimulationError):
             continue
-        if held is not None and held.states == run.states:
+        if held is not None and held.reduced.has_states_of(run.reduced):
             new = {id(hand): k for k, hand in enumerate(kept)}
             own = {name: new[id(every[k])] for name, k in places.items() if id(every[k]) in new}
             return held, hands, own
@@ -128,7 +128,7 @@ def run_with_hands(run: Result, names: Sequence[str]) -> tuple[Result, list[Hand
 
 def elsewhere(run: Result, held: Result) -> dict[str, float]:
     """Return the states of a run at its start, where one with hands begins elsewhere: what is open is guessed."""
-    if held.states != run.states or not len(run.time):
+    if not held.reduced.has_states_of(run.reduced) or not len(run.time):
         return {}
     own, other = _sampled_states(run), _sampled_states(held)
     near = np.abs(other[0] - own[0]) <= SAME * np.abs(own).max(axis=0)
