@@ -229,7 +229,8 @@ class Decision:
         found = evaluate(self.condition, lambda k, _: values[self.slots[:, k]])
         held = self.held.reshape(-1, *[1] * (values.ndim - 1))
         shape = len(self.held), *values.shape[1:]
-        return (np.broadcast_to(np.not_equal(found, 0), shape) == held).all(axis=0)
+        same: np.ndarray = (np.broadcast_to(np.not_equal(found, 0), shape) == held).all(axis=0)
+        return same
 
 
 @dataclass(frozen=True)

@@ -146,9 +146,9 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "N0630": Entry(
         "flattened again",
-        "A parameter given to this run determines the structure of the model (the length of an array, a\n"
-        "condition), so the scene has been flattened and reduced again. The result is kept for further runs with the\n"
-        "same value.",
+        "A parameter given to this run determines the structure of the model (the length of an array), or changes a\n"
+        "condition that does (`if mu > 0`), so the scene has been flattened and reduced again. The result is kept for\n"
+        "further runs with the same value.",
     ),
     "N0631": Entry(
         "reduction redone",
