@@ -227,7 +227,7 @@ def test_a_law_with_states_of_its_own_does_not_keep_hands_away():
         Track track(points = [0, 1; 1, 0.2; 2, 0.4], leaves = true,
           s(start = 0.1, fixed = true), v(start = 0, fixed = true), gap(start = 0, fixed = true));
         equation connect(track.point, car.point); end M;""").simulate(stop=0.2, points=5)
-    held, hands, _ = run_with_hands(run, ["car.x", "car.y"])
+    held, hands, _ = run_with_hands(run, ["car.point.x", "car.point.y"])
     assert [hand.name for hand in hands] == ["car.point"] and held.states != run.states
     assert np.allclose(held["track.s"], run["track.s"], rtol=1e-9, atol=0)
 
