@@ -26,7 +26,8 @@ published: FOLDER holds `Modelica/package.mo`, `Complex.mo`, …. In Python: `lm
 path=FOLDER)`. Files are read when a name first needs them.
 What the library leaves to C or to loops over values that change stands in lmo in
 `stdlib/modelica.mo`, under the library's own names: tables, generators of random numbers,
-linear equations and least squares of LAPACK (`dgesv`, `dgesv_vec`, `dgglse_vec`), `Streams.error`. The seed that
+linear equations and least squares of LAPACK (`dgesv`, `dgesv_vec`, `dgglse_vec`), `Streams.error`, `Strings.length` and
+`substring` of texts that are known. The seed that
 `automaticGlobalSeed` gives is the same in each run, as all that lmoc computes; other seeds give other noise. The
 generator with a hidden state (`impureRandom`) draws in one when-equation of a model, since nothing says in which order
 several calls come; a second one is refused. Units that do not fit within a library are warnings

@@ -161,6 +161,22 @@ package Modelica "Elements of Modelica's library that its own text leaves to C, 
       end error;
     end Streams;
     package Strings
+      function length "Number of characters of a text"
+        input String string;
+        output Integer result;
+      algorithm
+        result := __lmoc_length(string);
+      end length;
+
+      function substring "Characters of a text from one place to another, both included"
+        input String string;
+        input Integer startIndex(min = 1);
+        input Integer endIndex(min = 1);
+        output String result;
+      algorithm
+        result := __lmoc_substring(string, startIndex, endIndex);
+      end substring;
+
       function hashString "A whole number for a text"
         input String string;
         output Integer hash;

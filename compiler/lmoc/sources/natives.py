@@ -17,8 +17,8 @@ from lmoc.syntax import tree
 # without their packages
 NAMES = frozenset(
     ("interpolate", "TimeTable", "CombiTimeTable", "CombiTable1Ds", "CombiTable1Dv",
-     "random", "automaticGlobalSeed", "initializeImpureRandom", "impureRandom", "hashString", "error",
-     "dgesv", "dgesv_vec", "dgglse_vec")
+     "random", "automaticGlobalSeed", "initializeImpureRandom", "impureRandom", "hashString", "length", "substring",
+     "error", "dgesv", "dgesv_vec", "dgglse_vec")
 )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field
+from functools import partial
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from lmoc.messages.diagnostics import Label, Subject, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.mistakes.wrong import CallsItself, Exhausted, NotAlike, NotKnown, TooDeep, Wrong
+from lmoc.semantics.mistakes.wrong import CallsItself, Exhausted, NotAlike, NotKnown, NotKnownSubscript, TooDeep, Wrong
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
@@ -26,6 +27,7 @@ from lmoc.semantics.values.reference import Slice, subscript
 from lmoc.semantics.values.rows import Index
 from lmoc.semantics.values.translate import changes, choose, sizes_differ, warn_kink
 from lmoc.semantics.values.value import Value, as_real, from_numbers, number, record, stack
+from lmoc.semantics.values.variable_subscripts import replaced_where
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
@@ -254,8 +256,12 @@ class Algorithm:
         """The array with the elements that subscripts mean replaced by what `inside` makes of them and the value."""
         if not subscripts:
             return inside(array, value)
-        where = subscript(self.context, subscripts[0], array.dims[0], name)
         items = self.context.arrays.elements(array)
+        try:
+            where = subscript(self.context, subscripts[0], array.dims[0], name)
+        except NotKnownSubscript as by:
+            new = partial(self._replaced, subscripts=subscripts[1:], value=value, name=name, span=span, inside=inside)
+            return stack(replaced_where(self.context, by, items, span, new), array.dims[1:], array.type)
         if isinstance(where, Slice):
             places = [int(k) for k in where.index.reshape(-1)]
             if not value.dims or value.dims[0] != len(places):

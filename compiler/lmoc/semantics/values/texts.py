@@ -8,10 +8,10 @@ from lmoc.messages.source import Span
 from lmoc.semantics.classes.predefined import BUILTINS, ENUMERATIONS
 from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.mistakes.wrong import Wrong
-from lmoc.semantics.values.builtins import builtin
+from lmoc.semantics.values.builtins import arguments, builtin
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.translate import changes
-from lmoc.semantics.values.value import Value, text
+from lmoc.semantics.values.value import Value, number, text
 from lmoc.syntax import tree
 
 _OPTIONS = {"significantDigits": "Integer", "minimumLength": "Integer", "leftJustified": "Boolean", "format": "String"}
@@ -32,6 +32,29 @@ def _string(context: Context, call: tree.Call) -> Value:
     if changes(context, x):
         return text(f"({call.arguments[0].span.text})")  # its value is not known when the text is made
     return text(_text_of(context, x, options, call.span))
+
+
+@builtin("__lmoc_length")
+def _length(context: Context, call: tree.Call) -> Value:
+    (x,) = arguments(context, call, 1)
+    return number(len(_known_text(x, call)), "Integer")
+
+
+@builtin("__lmoc_substring")
+def _substring(context: Context, call: tree.Call) -> Value:
+    x, first, last = arguments(context, call, 3)
+    found = _known_text(x, call)
+    begin, end = (int(context.known(k, call.span, "a place in a text")) for k in (first, last))
+    if not 1 <= begin <= end <= len(found):
+        raise Wrong("E0215", f"'{found}' has no characters from {begin} to {end}", call.span,
+                    expected=f"1 … {len(found)}")  # fmt: skip
+    return text(found[begin - 1 : end])
+
+
+def _known_text(x: Value, call: tree.Call) -> str:
+    if x.type != "String" or x.dims:
+        raise Wrong("E0301", f"'{call.function}' takes a text", call.span, found=x.type)
+    return str(x.text)
 
 
 def _options(context: Context, call: tree.Call, x: Value) -> dict[str, object]:

@@ -6,10 +6,14 @@ is none (NaN), which the run reports where it matters, and not in a branch that 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial, reduce
 
 import numpy as np
 
+from lmoc.expression import dag
+from lmoc.messages.source import Span
 from lmoc.semantics.mistakes.wrong import NotKnownSubscript
 from lmoc.semantics.values.context import Context, translates
 from lmoc.semantics.values.reference import reference
@@ -41,6 +45,22 @@ def _choice(context: Context, ref: tree.Ref, subscript: NotKnownSubscript) -> Va
     if result is None:
         raise subscript
     return result
+
+
+def replaced_where(
+    context: Context, subscript: NotKnownSubscript, items: list[Value], span: Span, new: Callable[[Value], Value]
+) -> list[Value]:
+    """Return the elements of an array, of which the one that the value of a subscript means is replaced.
+
+    Beyond the ends nothing is replaced, and nothing has a value any more, as an element that is read there has none.
+    """
+    by, found = subscript.expression, []
+    here = [_is(context, by, k + 1, len(items)) for k in range(len(items))]
+    inside = Value(reduce(partial(dag.function, "or"), (one.expr for one in here)), (), "Boolean") if here else None
+    for item, chosen in zip(items, here, strict=True):
+        kept = choose(context, inside, item, _nothing(item.dims, item.type), span)
+        found.append(choose(context, chosen, new(item), kept, span))
+    return found
 
 
 def _is(context: Context, subscript: tree.Expression, k: int, length: int) -> Value:
