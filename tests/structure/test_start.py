@@ -279,6 +279,25 @@ def test_the_start_point_of_contradictory_constraints_is_what_is_given():
     assert start_point(system, np.ones(system.rows, int), 0).sample.value[0, flat.find("x")] == 2
 
 
+def test_a_search_is_not_made_again_for_what_no_loop_reads():
+    flat, known = flat_model(LOOP + "    parameter m = 3\n    var z\n    z = m*sin(a)\n"), {}
+
+    def start(known: dict | None, **parameters: float) -> np.ndarray:
+        values = flat.parameter_values({int(flat.find(name)[0]): v for name, v in parameters.items()})
+        system = EquationSystem(normalize(flat, values, None, Report()))
+        tied = np.where(system.source == 5, 0, 1)
+        return start_point(system, tied, 0, known=known).sample.value[0, : flat.count]
+
+    first = start(known)
+    assert len(known) == 1
+    other = start(known, m=5.0)
+    assert len(known) == 1 and other[flat.find("m")] == 5 and other[flat.find("b")] == first[flat.find("b")]
+    longer = start(known, l=2.5)
+    assert len(known) == 2 and longer[flat.find("b")] != first[flat.find("b")]
+    for parameters in ({"m": 5.0}, {"l": 2.5}):
+        assert start(known, **parameters).tobytes() == start(None, **parameters).tobytes() and len(known) == 2
+
+
 def test_loops_that_are_copies_are_put_together_once(monkeypatch):
     from lmoc.structure.coordinates import closure
 

@@ -58,12 +58,36 @@ class StartPoint:
     missed: tuple[float, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Closed:
+    """What constraints lead to, whatever else stands in the sample.
+
+    Attributes
+    ----------
+    values : (n,) of their jets
+    settled : (n,) which of them are nearest, as of `StartPoint`
+    loose, closed, ways, moved : as there
+    """
+
+    values: np.ndarray
+    settled: np.ndarray
+    loose: bool
+    closed: bool
+    ways: tuple[tuple[np.ndarray, np.ndarray], ...]
+    moved: tuple[tuple[int, float], ...]
+
+
+Known = dict[tuple[bytes, ...], Closed | None]  # by all numbers that the search has read
+_KNOWN = 8  # searches that are kept
+
+
 def start_point(
     system: EquationSystem,
     c: np.ndarray,
     highest: int,
     fixed: tuple[np.ndarray, np.ndarray] | None = None,
     at_rest: np.ndarray | None = None,
+    known: Known | None = None,
 ) -> StartPoint:
     """Return a point that satisfies all equations with c > 0 at the start time, nearest to the start values.
 
@@ -75,16 +99,18 @@ def start_point(
     c, highest : how often each equation is differentiated, and the highest derivative of a variable
     fixed : flat variables, and values that are given to them for one run
     at_rest : roots that shall be zero if nothing is said about them
+    known : searches of the same equations, kept up to date: masses and stiffnesses do not close a loop otherwise
     """
+    known = {} if known is None else known
     sample, ease = given(system, highest, fixed)
     if at_rest is not None:
         unsaid = at_rest[ease[0, at_rest] == 1.0]
         sample.value[0, unsaid], ease[0, unsaid] = 0.0, FIXED
     wishes = _Wanted.of(system, sample, fixed)
     initial = initial_rows(system, highest)
-    found = _nearest(system, ConstraintRows.of(system, c, sample, initial), ease, wishes)
+    found = _nearest(system, ConstraintRows.of(system, c, sample, initial), ease, wishes, known)
     if found is None and initial:
-        found = _nearest(system, ConstraintRows.of(system, c, sample), ease, wishes)
+        found = _nearest(system, ConstraintRows.of(system, c, sample), ease, wishes, known)
         if found is not None:  # the initial equations may exclude some of the ways, and lead elsewhere
             found = replace(found, ways=(), nearest=np.zeros(0, np.int64))
     if found is None:
@@ -92,8 +118,34 @@ def start_point(
     return replace(found, missed=wishes.missed(found.sample.value))
 
 
-def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wanted: _Wanted) -> StartPoint | None:
+def _nearest(
+    system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wanted: _Wanted, known: Known
+) -> StartPoint | None:
     """The point nearest to a sample that satisfies constraints; None where none is found."""
+    key = _read(system, rows, ease, wanted)
+    found = known.pop(key) if key in known else _search(system, rows, ease, wanted)
+    for oldest in list(known)[: 1 - _KNOWN]:
+        known.pop(oldest, None)  # another thread may have been faster
+    known[key] = found
+    if found is None:
+        return None
+    value = rows.sample.value.copy()
+    value.flat[rows.jets] = found.values
+    sample, settled = replace(rows.sample, value=value), rows.jets[found.settled]
+    return StartPoint(sample, found.closed, rows.jets, settled, found.loose, found.ways, found.moved)
+
+
+def _read(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wanted: _Wanted) -> tuple[bytes, ...]:
+    """Return all numbers that a search reads; initial equations may read anything."""
+    numbers = [rows.jets, rows.source, rows.begin, ease, *(number for _, number in rows.contents())]
+    numbers += [wanted.variable, wanted.jet, wanted.factor, wanted.offset, wanted.target, wanted.level, wanted.rank]
+    numbers += [] if system.normalized.near is None else list(system.normalized.near)
+    numbers += [rows.sample.value] if rows.initial else []
+    return tuple(np.asarray(n).tobytes() for n in numbers)
+
+
+def _search(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wanted: _Wanted) -> Closed | None:
+    """Look for the point nearest to a sample that satisfies constraints; None where none is found."""
     weight = ease.ravel()[rows.jets]
     values, loose, kept = rows.begin.copy(), False, True
     told: list[tuple[int, list[tuple[np.ndarray, np.ndarray]]]] = []
@@ -119,12 +171,9 @@ def _nearest(system: EquationSystem, rows: ConstraintRows, ease: np.ndarray, wan
                 kept = False
                 moved += [(k, wanted.only(rows.jets[at], held[inside], found)) for k, at in same.each()]
         values[same.inside[:, ~held[inside]]] = found[~held[inside]]
-    value = rows.sample.value.copy()
-    value.flat[rows.jets] = values
-    sample = replace(rows.sample, value=value)
     ways = tuple(one for _, some in sorted(told, key=itemgetter(0)) for one in some)
     given_up = tuple(one for _, some in sorted(moved, key=itemgetter(0)) for one in some)
-    return StartPoint(sample, kept, rows.jets, rows.jets[settled], loose, ways if kept else (), given_up)
+    return Closed(values, settled, loose, kept, ways if kept else (), given_up)
 
 
 def _near(system: EquationSystem, shape: tuple[int, ...]) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lmoc.structure.blocks.block_equations import SquareSystem
 from lmoc.structure.coordinates import preferences
-from lmoc.structure.coordinates.closure import StartPoint, start_point
+from lmoc.structure.coordinates.closure import Known, StartPoint, start_point
 from lmoc.structure.coordinates.coordinates import Choice, choose, determined_at_start
 from lmoc.structure.coordinates.tied import Tied, constraint_matrix, tied_entries
 from lmoc.structure.index.system import EquationSystem
@@ -36,6 +36,7 @@ class Candidate:
     match : a highest-value transversal
     wanted : columns the user requested, best first
     kept : the starts that have been looked for last
+    known : the searches for them, as of `start_point`
     """
 
     system: EquationSystem
@@ -48,6 +49,7 @@ class Candidate:
     match: np.ndarray
     wanted: np.ndarray
     kept: dict[tuple[bytes, ...], StartPoint]
+    known: Known
 
     def startable(self, values: np.ndarray) -> bool:
         """Return whether the computed coordinates follow from the states at the start.
@@ -82,7 +84,7 @@ class Candidate:
         found = self.kept.get(key)
         if found is None:
             system = self.system if values is None else self.with_values(values)
-            found = start_point(system, self.c, len(self.sample.value) - 1, fixed, at_rest)
+            found = start_point(system, self.c, len(self.sample.value) - 1, fixed, at_rest, self.known)
             for oldest in list(self.kept)[: 1 - _KEPT]:
                 self.kept.pop(oldest, None)  # another thread may have been faster
             self.kept[key] = found
@@ -167,7 +169,7 @@ def _select(
     kept: dict[tuple[bytes, ...], StartPoint] = {}
     if start is not None:
         kept[system.normalized.values.tobytes(), b""] = start
-    candidate = Candidate(system, c, d, sample, start, tied, choice, match, wanted, kept)
+    candidate = Candidate(system, c, d, sample, start, tied, choice, match, wanted, kept, {})
     if len(choice.singular):
         return candidate
     batches, sums = system.differentiated(c)
@@ -182,7 +184,7 @@ def finished(candidate: Candidate, layout: RegisterLayout, square: SquareSystem)
     square.finish(_matching(one.system, square, layout, one.match, one.c, one.d, choice))
     is_state = _state_mask(one.system, layout, one.d, choice)
     quadrature = _quadratures(one.system, layout, square, one.c, is_state, one.wanted)
-    own = one.system, one.c, one.d, one.sample, one.start, one.tied, choice, one.match, one.wanted, one.kept
+    own = one.system, one.c, one.d, one.sample, one.start, one.tied, choice, one.match, one.wanted, one.kept, one.known
     return Selection(*own, layout, square, is_state, quadrature)
 
 
