@@ -41,6 +41,7 @@ def said(text: str) -> list:
         ("model A spring spring(k = 1); end A;", "E0223", "spring", "'Spring'"),
         ("model A Real spring_ = 1; Real y = Spring; end A;", "E0301", "Spring", "'spring_'"),
         ("model A Real x, y; equation x + y = 1; end A;", "E0307", "A", "'x', 'y'"),
+        ("model A Маss m(m = 1); end A;", "E0106", "Маss", "'Mass'"),  # noqa: RUF001  Cyrillic letters
         ("model A output Real x; end A;", "E0307", "A", "'x' occurs in no equation"),
         ("model A Mass m(m = 1); Fixed w; equation connect(w.flange, m.q); end A;", "E0305", "m.q",
          "the connectors of 'm' are flange"),

@@ -37,6 +37,7 @@ _FOREIGN = {
     **{"!=": "<>", "~=": "<>", "≠": "<>", "≤": "<=", "≥": ">=", "&&": "and", "||": "or", "!": "not", "**": "^"},
     **{"−": "-", "–": "-", "·": "*", "×": "*", "⋅": "*", "÷": "/"},
 }
+_ALIKE = str.maketrans("АВЕКМНОРСТХЅІЈаеорсухіјѕΑΒΕΖΗΙΚΜΝΟΡΤΥΧο", "ABEKMHOPCTXSIJaeopcyxijsABEZHIKMNOPTYXo")  # noqa: RUF001
 _MEANT = {
     **{"²": "write '^2'", "³": "write '^3'", "°": "angles are in rad: pi/180 times as much"},
     "?": "a choice is written 'if c then a else b'",
@@ -267,7 +268,10 @@ def _mend(source: Source, tokens: Tokens, symbol: str, offset: int) -> list[Diag
         return []  # said at its first wrong letter
     word = text[start:end]
     place = Span(source, start, end)
+    latin = word.translate(_ALIKE)
     hint = f"a name in quotes can have it: \"'{word}'\""
+    if latin.isascii():
+        hint = f"some of its letters only look like Latin ones: in these it is '{latin}'"
     return [Diagnostic("E0106", f"'{text[offset]}' is not allowed in the name '{word}'", place, hint=hint)]
 
 
