@@ -192,6 +192,7 @@ def test_marks_follow_from_numbers_that_can_be_read_in_one_way():
         ("time,u,v\nx,1,2\n1,y,z\n", [("'x' is not a number", 2), ("'y' is", 3), ("'z' is", 3)]),
         ("t,u,v\n0,1,2\n", [("cannot be used", 1)]),
         ("time,a,b\n0,1,2\n", [("input 'u'", 1), ("input 'v'", 1)]),
+        ("time,a\n0,1\n", [("input 'u'", 1), ("input 'v'", 1)]),  # a is neither
     ],
 )
 def test_what_is_wrong_for_several_columns_is_said_once(tmp_path, text, said):

@@ -56,6 +56,7 @@ class _Reader:
     title : of the table
     name : of the input
     unit : of the input, as declared; empty where it has none
+    named : whether the column must have the name; else the only one beside ``time`` is meant, too
     said : what is wrong at which place: that of several columns is said once
     """
 
@@ -63,6 +64,7 @@ class _Reader:
     name: str
     unit: str
     report: Report
+    named: bool = False
     said: set[tuple[Span, str, str]] = field(default_factory=set)
 
     def refuse(self, problem: str, span: Span | None = None, **more: str) -> _Refused:
@@ -89,16 +91,20 @@ def read_table(path: Path, name: str, unit: str, report: Report) -> Points | Non
     None where that is not possible, with errors in the report: E0610 no such file, E0624 a file of another program,
     E0625 for what is wrong in it.
     """
-    return read_tables(path, {name: unit}, report).get(name)
+    return _read(path, {name: unit}, report, named=False).get(name)
 
 
 def read_tables(path: Path, units: Mapping[str, str], report: Report) -> dict[str, Points]:
-    """Return for several names with their units what `read_table` does; the file is read once."""
+    """Return what `read_table` does for several names, which the columns must have, with their units."""
+    return _read(path, units, report, named=True)
+
+
+def _read(path: Path, units: Mapping[str, str], report: Report, named: bool) -> dict[str, Points]:
     found: dict[str, Points] = {}
     table: Sheet | None = None
     said: set[tuple[Span, str, str]] = set()
     for name, unit in units.items():
-        reader = _Reader(f"the table {path}", name, unit, report, said)
+        reader = _Reader(f"the table {path}", name, unit, report, named, said)
         try:
             if table is None:
                 table = sheet(Source(str(path), _text(reader, path)))
@@ -168,7 +174,7 @@ def _points(reader: _Reader, table: Sheet | None) -> Points:
 def _columns(reader: _Reader, header: list[str], span: Span | None) -> list[_Column]:
     """The columns of time and of the input."""
     time, value = _find("time", header), _find(reader.name, header)
-    if len(time) == 1 and not value:
+    if len(time) == 1 and not value and not reader.named:
         value = [_Column(k, _of_any(h)) for k, h in enumerate(header) if k != time[0].place and h]
     if len(time) == len(value) == 1:
         return [time[0], value[0]]
