@@ -36,7 +36,11 @@ class alone, not of a model that uses it, and of a class that is only named (`lm
 been found in a folder of `--path`, `path=` or `LMOPATH`.
 
 `python -m benchmarks.msl FOLDER REFERENCES PACKAGE` runs all examples of a package, and holds them against the
-published results.
+published results. `benchmarks.msl_proofs` shows what stands behind rows that no reference decides: the
+multivibrator and its reference beside a closed form, balances of circuits that have no reference.
+OpAmps.SignalGenerator has three states to start from; its `homotopy` in version 4.0.0 of the library leads to
+another one than that of its reference, which the library has corrected since. Noise.ActuatorWithNoise follows its
+reference until 3.74 s; then the friction of its gear takes another mode, and the run does not come to its end.
 """
 
 
