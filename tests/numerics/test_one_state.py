@@ -84,3 +84,33 @@ def test_a_reinit_that_cannot_be_is_told_with_its_line(text, words):
     with pytest.raises(lmoc.SimulationError, match=words) as failure:
         lmoc.compile_text(f"model M {text} end M;").simulate(stop=2)
     assert failure.value.time == pytest.approx(1)
+
+
+IN_X_AND_Y = """model P
+  Real x(start = 0, fixed = true), y(start = -1), vx(start = 7.1, fixed = true), vy, T;
+equation
+  der(x) = vx; der(y) = vy; x^2 + y^2 = 1; der(vx) = -T*x; der(vy) = -T*y - 9.81;
+  {}
+end P;"""
+
+
+def test_a_velocity_is_changed_where_its_place_is_whatever_the_coordinate_is():
+    """At 0.3 s the coordinate is y; by the angle the same is a factor of its rate."""
+    by_angle = """model P Real theta(start = 0, fixed = true), omega(start = 7.1, fixed = true);
+    equation der(theta) = omega; der(omega) = -9.81*sin(theta);
+    when time > 0.3 then reinit(omega, -0.5*pre(omega)); end when; end P;"""
+    text = IN_X_AND_Y.format("when time > 0.3 then reinit(vx, -0.5*pre(vx)); end when;")
+    run = lmoc.compile_text(text).simulate(stop=1, points=21, rtol=1e-9)
+    theta = lmoc.compile_text(by_angle).simulate(stop=1, points=21, rtol=1e-9)["theta"]
+    np.testing.assert_allclose(run["x"], np.sin(theta), atol=1e-7)
+    live = lmoc.compile_text(IN_X_AND_Y.format("")).live()
+    live.advance(0.3)
+    before = live["x"], live["y"]
+    live.set("vx", 1.0)
+    assert (live["x"], live["y"]) == pytest.approx(before) and live["vx"] == pytest.approx(1.0, rel=1e-9)
+
+
+def test_what_is_not_proportional_to_a_velocity_follows_from_its_place_too():
+    text = IN_X_AND_Y.format("when time > 0.3 then reinit(s, 2); end when;").replace("T;", "T, s;", 1)
+    with pytest.raises(lmoc.SimulationError, match="it follows from 2 states"):
+        lmoc.compile_text(text.replace("equation\n", "equation\n  s = x + vx;\n")).simulate(stop=1)

@@ -22,7 +22,7 @@ from lmoc.messages.budgeted import budgeted
 from lmoc.messages.diagnostics import Diagnostic, ModelError, nearest
 from lmoc.numerics.events.steps import Steps
 from lmoc.numerics.observe.observer import Observer
-from lmoc.numerics.observe.one_state import moved, why_not
+from lmoc.numerics.observe.one_state import moved, places_under, why_not
 from lmoc.numerics.observe.trajectory import End
 from lmoc.support.records import dataclass
 
@@ -205,10 +205,10 @@ class Live:
 
     def _moved(self, x: np.ndarray, name: str, value: float) -> np.ndarray:
         """Return the states after a change of the one that a variable follows from."""
-        found = moved(lambda states: self._observed(name, states), x, value)
+        plan = self._observer.plan
+        found = moved(lambda states: self._observed(name, states), x, value, places_under(plan.reduced))
         if found.x is not None:
             return found.x
-        plan = self._observer.plan
         why = why_not(found.followed, [plan.reduced.register_name(int(s)) for s in plan.states])
         raise ModelError([Diagnostic("E0621", f"'{name}' cannot be set: {why}", hint="set states instead")])
 

@@ -24,6 +24,7 @@ from lmoc.numerics.events.tables import PlanTables
 from lmoc.numerics.events.trials import prefer_regular
 from lmoc.numerics.limits import ULP
 from lmoc.numerics.observe.one_state import moved as moved_to
+from lmoc.numerics.observe.one_state import places_under
 from lmoc.numerics.signals.signals import Signal
 
 _REMEMBERED = ("v", "zero", "margin", "largest", "high", "crossed", "early")
@@ -317,7 +318,8 @@ class DiscreteState:
         t, variable = self.time, int(self._own.reinit_targets[reinit])
         if variable not in self.layout.seen:
             raise NotAState(variable, np.zeros(0, int))
-        found = moved_to(lambda states: self.seen(t, states, variable), x, wanted)
+        places = places_under(self.layout.plan.reduced)
+        found = moved_to(lambda states: self.seen(t, states, variable), x, wanted, places)
         if found.x is None:
             raise NotAState(variable, found.followed)
         own = found.followed[0]
