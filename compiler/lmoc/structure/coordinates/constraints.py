@@ -78,7 +78,8 @@ def _stages(
     dependent : (stages * columns,) row + stage*rows; -1 for columns that are states, or have no place in the stage
     """
     rows, columns, match = selection.system.rows, len(selection.d), selection.choice.match
-    entries, dependent = [np.arange(len(row))], []
+    entries: list[np.ndarray] = [np.arange(len(row))]
+    dependent: list[np.ndarray] = []
     for stage, (own, chosen) in enumerate(match):
         found = np.full(columns, -1)
         if stage:
