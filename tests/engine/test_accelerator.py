@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import ROOT
+from oracles.copies import PAIRS, PENDULUMS
+from oracles.copies import plan_of as plan_of_copies
 
 import lmoc
 from lmoc.engine.accelerator import OPTIONS, Accelerator, TapeAccelerator, c_text, compile_tape
@@ -81,6 +83,19 @@ def test_scenes_and_their_derivatives(scene):
     w = random.normal(size=plan.count)
     lost = np.where(random.random(len(w)) < 0.1, np.nan, w)
     agree(derivatives_tape(plan.program, rule, plan.count), [w, lost], plan.count)
+
+
+@pytest.mark.parametrize("text", [PENDULUMS, PAIRS], ids=["pendulums", "pairs"])
+def test_loops_over_copies_with_their_blocks(text):
+    plan, base, _ = plan_of_copies(text, 70)
+    random, fillings = np.random.default_rng(6), []
+    for size in (0.1, np.nan):
+        w = base.copy()
+        w[plan.states] = 1 + size * random.normal(size=len(plan.states))
+        fillings.append(w)
+    tape = values_tape(plan.program, plan.count)
+    assert "t->functions->rows" in c_text(tape)
+    agree(tape, fillings, plan.count)
 
 
 @pytest.mark.parametrize("solver", ["dop853", "radau"])

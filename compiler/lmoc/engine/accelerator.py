@@ -20,7 +20,7 @@ import numpy as np
 from lmoc.engine.compiler import find_compiler, load_library
 from lmoc.expression.functions import FUNCTIONS
 from lmoc.lower.operations import BINARY, UNARY
-from lmoc.lower.tape import Tape, row_instructions
+from lmoc.lower.tape import Tape, row_instructions, row_operands
 
 OPTIONS = "-O2 -fno-builtin-sin -fno-builtin-cos"
 _LONGEST = 20_000  # instructions of a text: beyond, compilers take minutes
@@ -69,7 +69,7 @@ class _Text:
         for at, name, rest in instructions:
             if at in targets:
                 self.lines.append(f"L{at}:;")
-            self._write(name, rest)
+            self._write(at, name, rest)
 
     def _in_memory(self, instructions: list[tuple[int, str, list[int]]]) -> np.ndarray:
         """(size,) whether something else than single operations reads or writes a place."""
@@ -88,7 +88,7 @@ class _Text:
                 seen[rest[2]] = True
             elif name == "rows":
                 for own, operands in row_instructions(rest):
-                    pairs = operands[:2] if own in ("gather", "strided", "scatter", "spread") else operands
+                    pairs = row_operands(own, operands)
                     for place, flag in zip(pairs[::2], pairs[1::2], strict=True):
                         seen[place : place + (rest[0] if flag > 0 else 1)] = True
         return seen
@@ -111,14 +111,17 @@ class _Text:
             self._locals.add(place)
         self.lines.append(f"{self._at(place)} = {value};")
 
-    def _write(self, name: str, rest: list[int]) -> None:
+    def _write(self, at: int, name: str, rest: list[int]) -> None:
         if name in UNARY or name in BINARY or name == "if":
             self._set(rest[0], operation(name, [self._at(p) for p in rest[1:]]))
         elif name == "dot":
             terms = [f"{self._at(a)}*{self._at(b)}" for a, b in zip(rest[2::2], rest[3::2], strict=True)]
             self._set(rest[0], " + ".join(terms))
         elif name == "rows":
-            self._rows(rest)
+            if any(own in ("linear", "newton", "correct") for own, _ in row_instructions(rest)):
+                self.lines.append(f"status |= t->functions->rows(t->code + {at}, w, t);")
+            else:
+                self._rows(rest)
         elif name == "products":
             self._products(rest)
         elif name == "fill":

@@ -36,14 +36,15 @@ VERSIONS = (3, 2)
 OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing", "-fvisibility=hidden")
 _TOLERANCE = 1e-6
 _ENGINE = (
-    "tape", "blocks", "dense", "newton", "lu", "lu_order", "tables", "evaluate", "dop853", "walk", "instant",
+    "tape", "blocks", "dense", "newton", "copies", "lu", "lu_order", "tables", "evaluate", "dop853", "walk", "instant",
     "relations", "trials", "roots", "crossing", "hops", "happen", "first_step", "beside", "law_run", "transition",
     "strike", "jenkins", "switching", "mode", "project", "manifold", "impact", "impact_order", "complementarity",
     "cones", "free_dynamics", "jump", "landing",
 )  # fmt: skip
 _HEADERS = (
-    "lane", "tape", "lu", "dense", "blocks", "tables", "engine", "walk", "instant", "roots", "hops", "happen", "beside",
-    "law_run", "transition", "strike", "jenkins", "switching", "laws", "kinematics", "manifold", "impact",
+    "lane", "tape", "lu", "dense", "blocks", "newton", "copies", "tables", "engine", "walk", "instant", "roots", "hops",
+    "happen", "beside", "law_run", "transition", "strike", "jenkins", "switching", "laws", "kinematics", "manifold",
+    "impact",
     "complementarity", "free_dynamics", "jump", "landing",
 )  # fmt: skip
 _DATA = "model.c"

@@ -21,7 +21,7 @@ LENGTH = (
     | {"end": 1, "if": 5, "products": 6, "fill": 4, "correct": 3, "ready": 3}
     | dict.fromkeys(("linear", "newton", "constant", "implicit", "factor"), 2)
 )
-# The same inside of `rows`, where each operand is a place and a flag.
+# The same inside of `rows`, where each operand is a place and a flag; what is done to blocks has its length with it.
 LENGTH_OF_ROWS = (
     dict.fromkeys(UNARY, 5)
     | dict.fromkeys(BINARY, 7)

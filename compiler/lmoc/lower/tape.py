@@ -20,7 +20,10 @@ factor k                      the factors of all matrices, for `lower.series`
 ============================= ========================================================================================
 
 Within `rows`, an operand is a place and a flag: 1 where it goes on from row to row, 0 for a buffer, -1 for one number.
-`gather` and `strided` fill a buffer; `scatter` and `spread` empty one.
+`gather` and `strided` fill a buffer; `scatter` and `spread` empty one. Blocks of which each row has an instance may be
+within, too, with the length of the instruction behind its number: ``linear length k`` and then the entries of the
+matrix row by row, the residuals and the unknowns; ``newton length k``; ``correct length k back``, which goes back to
+`back` from the number of `rows`, with entries and residuals.
 """
 
 from __future__ import annotations
@@ -151,14 +154,21 @@ def row_instructions(rest: list[int]) -> Iterator[tuple[str, list[int]]]:
     at = 2
     while at < len(rest):
         name = OPERATIONS[rest[at]]
-        length = LENGTH_OF_ROWS[name]
+        length = LENGTH_OF_ROWS.get(name) or rest[at + 1]
         yield name, rest[at + 1 : at + length]
         at += length
 
 
+def row_operands(name: str, rest: list[int]) -> list[int]:
+    """Return the operands of an instruction within `rows`, each a place and a flag, given what follows its number."""
+    if name in ("gather", "strided", "scatter", "spread"):
+        return rest[:2]
+    return rest[{"linear": 2, "newton": 2, "correct": 3}.get(name, 0) :]
+
+
 def _reached(name: str, rest: list[int], rows: int) -> list[int]:
     """Return the first and last places of the operands of an instruction on rows."""
-    operands = rest[:2] if name in ("gather", "strided", "scatter", "spread") else rest
+    operands = row_operands(name, rest)
     extent = {1: rows - 1, 0: min(rows, CHUNK) - 1, -1: 0}
     found = [p for k in range(0, len(operands), 2) for p in (operands[k], operands[k] + extent[operands[k + 1]])]
     if name in ("strided", "spread"):

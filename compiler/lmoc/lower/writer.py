@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from lmoc.lower.joined import joined
 from lmoc.lower.operations import NUMBER
 from lmoc.lower.tape import SolveBlock, Tape
 
@@ -28,11 +29,12 @@ class Writer:
 
     def __init__(self, registers: int, taken: int = 0) -> None:
         self.registers, self.size = registers, max(registers, taken)
+        self.own = self.size  # the first place that nobody else knows of
         self.code: list[tuple[int, ...] | None] = []
         self.blocks: list[SolveBlock] = []
         self._constants: dict[bytes, int] = {}
         self._number: dict[int, float] = {}
-        self._tables: list[np.ndarray] = []
+        self.tables: list[np.ndarray] = []
         self._indexed = 0
         self._content: dict[int, int] = {}  # number of what stands at a place, where it has been overwritten
         self._known: _Known = {}
@@ -70,7 +72,7 @@ class Writer:
     def table(self, places: np.ndarray) -> int:
         """Return where a table begins."""
         table = np.ascontiguousarray(places, np.int32).ravel()
-        self._tables.append(table)
+        self.tables.append(table)
         self._indexed += len(table)
         return self._indexed - len(table)
 
@@ -209,7 +211,8 @@ class Writer:
         """
         results = np.zeros(0, np.int64) if results is None else np.asarray(results, np.int64)
         self._drop(results)
-        index = np.concatenate([np.zeros(0, np.int32), *self._tables])
+        self.code = joined(self, results)
+        index = np.concatenate([np.zeros(0, np.int32), *self.tables])
         self.code.append((NUMBER["end"],))
         starts = np.cumsum([0, *[0 if c is None else len(c) for c in self.code]]).tolist()
         flat: list[int] = []
@@ -226,7 +229,7 @@ class Writer:
         """Drop single operations whose result nobody reads."""
         used = np.zeros(self.size + 1, bool)
         used[: self.registers] = True
-        for table in self._tables:  # of segments too: what is kept too much is harmless
+        for table in self.tables:  # of segments too: what is kept too much is harmless
             used[table[(table >= 0) & (table < self.size)]] = True
         used[results] = True
         used[list(self._read)] = True

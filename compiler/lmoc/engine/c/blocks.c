@@ -182,8 +182,10 @@ static int factor(lmoc_block *m, double *w) {
 }
 
 #if LMOC_OF_LANES
-const lmoc_blocks LMOC_NAME(lmoc_block_functions) = {.linear = linear, .constant = constant, .factor = factor};
+const lmoc_blocks LMOC_NAME(lmoc_block_functions) = {
+  .linear = linear, .constant = constant, .factor = factor, .rows = LMOC_NAME(lmoc_rows)
+};
 #else
 const lmoc_blocks lmoc_block_functions = {linear,   lmoc_newton_begin, lmoc_newton_step, lmoc_newton_end,
-                                          constant, implicit,          factor};
+                                          constant, implicit,          factor,           lmoc_rows};
 #endif

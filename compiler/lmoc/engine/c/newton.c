@@ -1,39 +1,14 @@
 /* Newton's method for many instances of one nonlinear block. */
 
 #include "blocks.h"
+#include "newton.h"
 
-#define EXACT 1e-13     /* of the size of the unknowns: no correction is smaller in double precision */
-#define SQUARED 1e-9    /* of their size: a correction whose square is below rounding, where the constant of quadratic … */
-#define CURVED 10       /* … convergence is no larger, in sizes of the unknowns */
-#define LOOSE 1e-8      /* good enough where the corrections do not shrink any more */
-#define ROUNDING 1e-15  /* of the terms of an equation: what their sum may miss zero by */
-
-/* How corrections have to shrink, how many there are, and how far off the first one may point. A mechanism has branches
-   that must not be left. The equations of springs have one solution, which cubic ones approach by a factor of 2/3 an
-   iteration where they relax. */
-static const struct { double rate, near; int64_t most; } rules[] = {{0.5, 0.25, 10}, {0.95, 0.75, 60}};
-
-/* What is kept of every instance: determinant, length of the last correction (-1: solved), where it began, and where the
-   first step led. */
-typedef struct { double *det, *before, *start, *target; } state;
-
-static inline state state_of(const lmoc_block *m, double *w) {
-  double *work = w + m->work;
-  const int64_t n = m->instances;
-  return (state){work, work + n, work + 2*n, work + 2*n + n*m->size};
-}
+const lmoc_newton_rule lmoc_newton_rules[2] = {{0.5, 0.25, 10}, {0.95, 0.75, 60}};
 
 void lmoc_newton_begin(lmoc_block *m, double *w) {
-  const state s = state_of(m, w);
+  const lmoc_newton_state s = lmoc_newton_state_of(m, w);
   m->iteration = 0;
   for (int64_t k = 0; k < m->instances*m->size; k++) s.start[k] = w[m->unknowns[k]];
-}
-
-/* Whether what is left behind a correction is below rounding: corrections shrink as the square of the one before, times
-   a constant that these two tell (Deuflhard, section 2.1). Near a singular place, where it is large, none is left out. */
-static int arrived(double length, double before, double size) {
-  if (length <= EXACT * size) return 1;
-  return before < INFINITY && length <= SQUARED * size && length * size <= CURVED * before * before;
 }
 
 /* Whether the residuals vanish to rounding: the terms of row k are |a(k,j) u(j)|, and finite. */
@@ -46,15 +21,15 @@ static int vanishes(const lmoc_block *m, const double *a, const double *w, const
     for (int64_t k = 0; k < m->size; k++)
       for (int64_t j = 0; j < m->size; j++) b[k] += fabs(a[k*m->size + j] * w[u[j]]);
   for (int64_t k = 0; k < m->size; k++)
-    if (!(fabs(w[r[k]]) <= ROUNDING * b[k] && b[k] < INFINITY)) return 0;
+    if (!(fabs(w[r[k]]) <= LMOC_ROUNDING * b[k] && b[k] < INFINITY)) return 0;
   return 1;
 }
 
 /* One correction of instance i: 1 where it is not solved by it, 0 where it is, -1 where it does not converge. */
-static int correct(lmoc_block *m, const state *s, int64_t i, double *w) {
+static int correct(lmoc_block *m, const lmoc_newton_state *s, int64_t i, double *w) {
   const int64_t size = m->size;
   const int32_t *u = m->unknowns + i*size, *r = m->residuals + i*size;
-  const double before = m->iteration ? s->before[i] : INFINITY, rate = rules[m->patient].rate;
+  const double before = m->iteration ? s->before[i] : INFINITY, rate = lmoc_newton_rules[m->patient].rate;
   double *a = w + m->a, *b = w + m->b, length = 0, scale = 1;
   lmoc_block_fill(m, i, w, a);
   const int solved = vanishes(m, a, w, u, r, b);
@@ -63,7 +38,7 @@ static int correct(lmoc_block *m, const state *s, int64_t i, double *w) {
   if (good) lmoc_block_solve(m, a, m->pivots, b);
   for (int64_t k = 0; k < size; k++) length = lmoc_max(length, fabs(b[k]));
   if (!good) length = NAN;
-  if (solved && !(length <= rate * before && length <= LOOSE * scale)) {
+  if (solved && !(length <= rate * before && length <= LMOC_LOOSE * scale)) {
     for (int64_t k = 0; k < size; k++) b[k] = 0;
     length = 0;
   }
@@ -71,18 +46,18 @@ static int correct(lmoc_block *m, const state *s, int64_t i, double *w) {
   if (m->iteration == 0)
     for (int64_t k = 0; k < size; k++) s->target[i*size + k] = w[u[k]] - b[k];
   if (m->iteration && length > rate * before) { /* they stop shrinking: rounding is reached, or it fails */
-    if (length > LOOSE * scale) return -1;
+    if (length > LMOC_LOOSE * scale) return -1;
     s->before[i] = -1;
     return 0;
   }
   for (int64_t k = 0; k < size; k++) w[u[k]] -= b[k];
-  s->before[i] = arrived(length, before, scale) ? -1 : length;
+  s->before[i] = LMOC_NEWTON_ARRIVED(length, before, scale) ? -1 : length;
   return s->before[i] >= 0;
 }
 
 /* One correction of every instance that is not solved. Returns how many are left, or -1 where one does not converge. */
 int64_t lmoc_newton_step(lmoc_block *m, double *w) {
-  const state s = state_of(m, w);
+  const lmoc_newton_state s = lmoc_newton_state_of(m, w);
   int64_t left = 0;
   for (int64_t i = 0; i < m->instances; i++) {
     if (m->iteration > 0 && s.before[i] < 0) continue;
@@ -90,13 +65,13 @@ int64_t lmoc_newton_step(lmoc_block *m, double *w) {
     if (found < 0) return -1;
     left += found;
   }
-  return left > 0 && m->iteration++ >= rules[m->patient].most ? -1 : left;
+  return left > 0 && m->iteration++ >= lmoc_newton_rules[m->patient].most ? -1 : left;
 }
 
 /* FAILED, or FAR where a solution is not where the first step pointed, near the one before (Deuflhard, Newton Methods
    for Nonlinear Problems, 2004, section 5.1). */
 int lmoc_newton_end(lmoc_block *m, double *w, int64_t open) {
-  const state s = state_of(m, w);
+  const lmoc_newton_state s = lmoc_newton_state_of(m, w);
   const int64_t size = m->size;
   if (open < 0) {
     for (int64_t k = 0; k < m->instances*size; k++) w[m->unknowns[k]] = NAN;
@@ -109,9 +84,9 @@ int lmoc_newton_end(lmoc_block *m, double *w, int64_t open) {
       missed = fmax(missed, fabs(x - s.target[k]));
       way = fmax(way, own);
       scale = fmax(scale, 1 + fabs(x));
-      if (!(own <= 0.25 * (1 + fabs(x)))) return LMOC_FAR;
+      if (!(own <= LMOC_WAY * (1 + fabs(x)))) return LMOC_FAR;
     }
-    if (!(missed <= rules[m->patient].near * way + LOOSE * scale)) return LMOC_FAR;
+    if (!(missed <= lmoc_newton_rules[m->patient].near * way + LMOC_LOOSE * scale)) return LMOC_FAR;
   }
   return 0;
 }

@@ -5,6 +5,7 @@
 #include "tape.c"
 
 #include "blocks.c"
+#include "copies.c"
 #include "lanes.c"
 #include "many.h"
 #include "series.c"

@@ -1,6 +1,7 @@
 /* The interpreter of tapes. */
 
-#include "tape.h"
+#include "copies.h"
+#include "newton.h"
 
 /* Operands of a vector instruction: where a chunk begins, and whether it goes on from chunk to chunk (1), is a buffer
    (0), or is one number for all rows (-1). */
@@ -92,13 +93,35 @@ LMOC_WIDEST static int lmoc_chunk(const int32_t *p, double *w, const int32_t *in
   return 1 << 30;
 }
 
-static void lmoc_rows(const int32_t *p, double *w, const int32_t *index) {
+/* A loop over rows, some of them at a time: all that is done to these before the next ones are begun. */
+int LMOC_NAME(lmoc_rows)(const int32_t *p, double *w, const lmoc_tape *t) {
   const int64_t n = p[1];
   const int32_t *end = p + p[2];
+  int status = 0;
   for (int64_t low = 0; low < n; low += LMOC_CHUNK) {
     const int64_t m = n - low < LMOC_CHUNK ? n - low : LMOC_CHUNK;
-    for (const int32_t *q = p + 3; q < end; q += lmoc_chunk(q, w, index, low, m)) {}
+#if !LMOC_OF_LANES
+    int64_t iteration = 0;
+#endif
+    for (const int32_t *q = p + 3; q < end;) switch (q[0]) {
+      case LMOC_linear: LMOC_NAME(lmoc_copies_linear)(t->blocks + q[2], q, w, low, m); q += q[1]; break;
+#if !LMOC_OF_LANES
+      case LMOC_newton: lmoc_copies_begin(t->blocks + q[2], w, low, m); iteration = 0; q += q[1]; break;
+      case LMOC_correct: {
+        const lmoc_block *block = t->blocks + q[2];
+        const int64_t left = lmoc_copies_correct(block, q, w, low, m, iteration);
+        if (left && iteration++ < lmoc_newton_rules[block->patient].most) q = p + q[3];
+        else {
+          status |= lmoc_copies_end(block, w, low, m);
+          q += q[1];
+        }
+        break;
+      }
+#endif
+      default: q += lmoc_chunk(q, w, t->index, low, m);
+    }
   }
+  return status;
 }
 
 #define W(place) LMOC_ROW(w, place)
@@ -209,7 +232,7 @@ RUN int LMOC_NAME(lmoc_tape_run)(lmoc_times time, double *w, const lmoc_tape *t)
     p = end;
     NEXT;
   }
-  CASE(rows): lmoc_rows(p, w, t->index); p += p[2]; NEXT;
+  CASE(rows): status |= LMOC_NAME(lmoc_rows)(p, w, t); p += p[2]; NEXT;
   CASE(products): lmoc_products(p, w, t->index); p += 6; NEXT;
   CASE(fill): {
     const lmoc_real value = W(p[3]);

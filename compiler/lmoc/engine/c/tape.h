@@ -76,6 +76,7 @@ typedef struct {
   void (*constant)(lmoc_block *, double *w);
   void (*implicit)(lmoc_block *, double *w);
   int (*factor)(lmoc_block *, double *w);
+  int (*rows)(const int32_t *p, double *w, const lmoc_tape *t);
 } lmoc_blocks;
 
 struct lmoc_tape {
@@ -92,5 +93,8 @@ extern const lmoc_blocks LMOC_NAME(lmoc_block_functions);
 /* Run the instructions. Returns 0 or LMOC_FAILED, LMOC_FAR; of lanes, which have no nonlinear blocks, a bit for each that
    has failed. */
 int LMOC_NAME(lmoc_tape_run)(lmoc_times time, double *w, const lmoc_tape *t);
+
+/* The same of one loop over rows. */
+int LMOC_NAME(lmoc_rows)(const int32_t *p, double *w, const lmoc_tape *t);
 
 #endif
