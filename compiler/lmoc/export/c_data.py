@@ -138,10 +138,10 @@ def _jumps(w: _Writer, own: Executable) -> str:
 
 def _loops(w: _Writer, own: Executable) -> str:
     """Write the closures of a scene; return the initializer of ``fmu_loops``, without stages where there are none."""
-    loops, none = own.loops, f"{{0, 0, 0, 0, {w.tape(_EMPTY, True)}}}"
+    loops, stages = own.loops, []
     if loops is None:
+        none = f"{{0, 0, 0, 0, {w.tape(_EMPTY, True)}}}"
         return f"{{.stage = {{{none}, {none}}}}}"
-    stages = []
     for stage, tape in zip(loops.stages, loops.tapes, strict=True):
         groups = []
         for g in stage.loops:
@@ -154,8 +154,7 @@ def _loops(w: _Writer, own: Executable) -> str:
         stages.append(f"{{{sizes}, {name}, {w.tape(tape, not own.branches)}}}")
     held = np.where(loops.free, 0.0, loops.scale)
     written = [w.ints(loops.given), w.reals(loops.scale), w.reals(held), w.ints(own.closing, "lmoc_flag")]
-    both = ", ".join((*stages, none)[:2])
-    return f"{{{len(stages)}, {len(loops.given)}, {{{both}}}, {', '.join(written)}}}"
+    return f"{{{len(stages)}, {len(loops.given)}, {{{', '.join(stages)}}}, {', '.join(written)}}}"
 
 
 def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
