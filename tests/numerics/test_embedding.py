@@ -124,7 +124,7 @@ def test_a_mistake_in_a_function_is_the_callers():
         ("time;f\n0;1\n", "it has one point, and needs two"),
         ("time,f\n0,1\n\n1,\n", "an empty cell is not a number\n --> .*:4:3"),
         ("time,f\n0,1\n1\n", "this line has 1 column, the header has 2\n --> .*:3:1"),
-        ("seconds,f\n0,1\n", "columns 'time' and 'f'"),
+        ("seconds,f\n0,1\n", "a header line with a column 'time'"),
     ],
 )
 def test_tables_that_cannot_be_used(tmp_path, text, words):

@@ -7,13 +7,13 @@ import pytest
 from oracles.flattening import codes, equations, flat, sums, value
 
 from lmoc.semantics import equations as equation_module
-from lmoc.semantics.values import builtins, constructors
+from lmoc.semantics.values import array_builtins, constructors
 
 
 @pytest.fixture
 def short_is_long(monkeypatch):
     """Every loop and array constructor takes the way of the long ones."""
-    for module in (constructors, equation_module, builtins):
+    for module in (constructors, equation_module, array_builtins):
         monkeypatch.setattr(module, "WRITTEN_OUT", 0)
 
 

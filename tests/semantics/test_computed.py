@@ -6,7 +6,7 @@ from oracles.flattening import codes, equations, flat, value
 import lmoc
 from lmoc.messages.diagnostics import ModelError
 from lmoc.semantics import equations as equation_module
-from lmoc.semantics.values import builtins, constructors
+from lmoc.semantics.values import array_builtins, constructors
 
 COMPUTED = """
 model A
@@ -31,7 +31,7 @@ end A;
 def either_way(request, monkeypatch):
     """Loops are unrolled, and loops are one group."""
     if request.param:
-        for module in (constructors, equation_module, builtins):
+        for module in (constructors, equation_module, array_builtins):
             monkeypatch.setattr(module, "WRITTEN_OUT", 0)
 
 

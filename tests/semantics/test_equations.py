@@ -7,7 +7,7 @@ from oracles.flattening import attribute, codes, equations, flat, value
 from lmoc.expression.text import to_text
 from lmoc.ir.flat import Kind, StateSelect
 from lmoc.semantics import equations as equation_module
-from lmoc.semantics.values import builtins, constructors
+from lmoc.semantics.values import array_builtins, constructors
 
 BRANCH = """
 model B parameter Integer kind = 1; Real x;
@@ -31,7 +31,7 @@ def test_if_equations_that_differ_within_an_array() -> None:
 
 
 def test_if_equations_in_long_loops(monkeypatch) -> None:
-    for module in (constructors, equation_module, builtins):
+    for module in (constructors, equation_module, array_builtins):
         monkeypatch.setattr(module, "WRITTEN_OUT", 0)
     dae = flat(
         """model A parameter Integer n = 6; Real x[n];
