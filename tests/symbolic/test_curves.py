@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 import lmoc
+from lmoc.symbolic.equations import EquationsOfMotion
 
 ANGLES = np.linspace(0, 2 * np.pi, 14)
 LIFTS = 0.02 * np.sin(ANGLES / 2) ** 2
@@ -61,21 +62,48 @@ def test_the_run_of_a_cam_on_a_free_shaft_satisfies_that_equation():
     assert (run["cam.f"] > 0).all()
 
 
+def on_a_curve(scene: str, parts: str) -> EquationsOfMotion:
+    """Return the equations of what moves along an ellipse, a part of it or all; `POINTS` stands for its points."""
+    angles, closed = ("for k in 0:12", "true") if scene == "closed" else ("for k in 2:9", "false")
+    points = f"{{{{2*cos(0.5235987755982988*k), sin(0.5235987755982988*k)}} {angles}}}, closed = {closed}"
+    text = f"model S import Planar.*; inner World world; {parts} end S;".replace("POINTS", points)
+    return lmoc.compile_text(text).equations()
+
+
+LENGTH, BEND, ANGLE, TURN, BEND_OF_TURN = sp.symbols(
+    "track.stretch track.stretch_slope track.phi track.phi_slope track.phi_curvature"
+)
+RATE, ACCELERATION, G = *sp.symbols("der(track.s) der(der(track.s))"), sp.Rational("9.81")
+
+
 @pytest.mark.parametrize("scene", ["open", "closed"])
 def test_a_track_that_alone_ties_the_way_down_gives_the_equation_along_it(scene):
-    """(x'² + y'²)·s̈ + (x'·x'' + y'·y'')·ṡ² = -g·y', whatever the curve."""
-    angles, closed = ("for k in 0:12", "true") if scene == "closed" else ("for k in 2:9", "false")
-    found = lmoc.compile_text(
-        "model S import Planar.*; inner World world; PointMass car(m = 2); Track track(points = "
-        f"{{{{2*cos(0.5235987755982988*k), sin(0.5235987755982988*k)}} {angles}}}, closed = {closed},"
-        "s(start = 0.3, fixed = true), v(start = 3, fixed = true)); equation connect(track.point, car.point); end S;"
-    ).equations()
-    gx, gy, bx, by, m, g = sp.symbols("track.gx track.gy track.gx_slope track.gy_slope car.m world.g")
-    rate, acceleration = sp.symbols("der(track.s) der(der(track.s))")
-    own = (gx**2 + gy**2) * acceleration + (gx * bx + gy * by) * rate**2 + sp.Rational("9.81") * gy
+    """With the length l and the angle φ of the tangent l·s̈ + l'·ṡ² = -g·sin φ, whatever the curve."""
+    found = on_a_curve(
+        scene,
+        "PointMass car(m = 2); Track track(points = POINTS, s(start = 0.3, fixed = true),"
+        "v(start = 3, fixed = true)); equation connect(track.point, car.point);",
+    )
+    own = LENGTH * ACCELERATION + BEND * RATE**2 + G * sp.sin(ANGLE)
     (equation,) = found.equations
-    assert sp.simplify(equation.residual / own).free_symbols <= {m, g}
-    assert found.curves == {"track.gx": ("track.s", ""), "track.gy": ("track.s", "")}
+    assert sp.simplify(equation.residual / own).free_symbols <= {sp.Symbol("car.m")}
+    assert found.curves == {"track.stretch": ("track.s", ""), "track.phi": ("track.s", "")}
+
+
+@pytest.mark.parametrize("scene", ["open", "closed"])
+def test_a_disk_that_rolls_on_a_curve_has_the_equation_of_its_centre(scene):
+    """(m + J/r²)·v̇ = -m·g·sin φ, where the centre goes by v = (l - r·φ')·ṡ."""
+    found = on_a_curve(
+        scene,
+        "Body disk(m = 2, J = 0.04, theta(start = 0, fixed = true)); DiskTrack track(points = POINTS, r = 0.1,"
+        "s(start = 0.3, fixed = true), v(start = 3, fixed = true)); equation connect(track.disk, disk.frame);",
+    )
+    m, inertia, r, turned = sp.symbols("disk.m disk.J track.r der(disk.theta)")
+    way, change = LENGTH - r * TURN, BEND - r * BEND_OF_TURN
+    rolls, turns = found.equations
+    own = (m + inertia / r**2) * (way * ACCELERATION + change * RATE**2) + m * G * sp.sin(ANGLE)
+    assert sp.simplify(rolls.residual - r**2 * own) == 0
+    assert sp.simplify(turns.residual - (way * RATE + r * turned)) == 0
 
 
 @pytest.mark.parametrize("count", [1, 2])

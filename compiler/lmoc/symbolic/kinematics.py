@@ -66,7 +66,7 @@ class Kinematics:
         if flat.kind[variable] == Kind.INPUT:
             return jet_symbol(flat.variable_name(variable), 0)
         if self.curves is not None and variable in self.curves.over:
-            return self.curves.symbol(variable)
+            return self.curves.value(variable)
         value = self._in_jets(self.interpreter.variable(variable))
         if not self._closures:
             return value
@@ -90,7 +90,7 @@ class Kinematics:
             return sp.S.One
         if self.curves is not None and x in self.curves.derivative_of:
             curve, order = self.curves.derivative_of[x]
-            return self.curves.symbol(curve, order + 1) * self.rate(self._in_jets(self.interpreter.argument(curve)))
+            return self.curves.value(curve, order + 1) * self.rate(self._in_jets(self.interpreter.argument(curve)))
         base = x.name
         order = 0
         while base.startswith("der("):

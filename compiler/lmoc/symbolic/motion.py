@@ -25,7 +25,9 @@ from lmoc.symbolic.elimination import MOST_TERMS, eliminate
 from lmoc.symbolic.kinematics import Kinematics
 from lmoc.symbolic.local import NotLinearError, PartLaws
 from lmoc.symbolic.search import scene_size
+from lmoc.symbolic.shortening import along_tangents
 from lmoc.symbolic.slope import slope
+from lmoc.symbolic.sorting import without_squares
 from lmoc.symbolic.system import Outline, SymbolicInterpreter, SymbolicSystem, jet_symbol, symbolic_system
 from lmoc.symbolic.too_long import NoSymbolsError
 from lmoc.symbolic.trial import Trial
@@ -142,6 +144,7 @@ def _balanced(interpreter: SymbolicInterpreter, outline: Outline, values: np.nda
         found, own = _reactions(laws, set(interpreter.reduced.undetermined.tolist())) if forces else ({}, {})
     except (NoSymbolsError, NotLinearError):
         return None
+    residuals = tuple(along_tangents(r, interpreter.curves) for r in residuals)
     return Motion(tuple(kinematics.coordinates), tuple(kinematics.orders), residuals, found, True, own)
 
 
@@ -207,20 +210,24 @@ def _total(combination: Mapping[int, sympy.Expr], right: Sequence[sympy.Expr]) -
 
 
 def _rolling(kinematics: Kinematics, laws: PartLaws) -> dict[sympy.Symbol, sympy.Expr]:
-    """Return the rates of coordinates that roll along with others, ``θ̇ = −ẋ/r``, and the rates of these."""
+    """Return the rates of coordinates that roll along with others, ``θ̇ = −ẋ/r``, and the rates of these.
+
+    On a curve the factor depends on the place: ``θ̇ = −l(s)·ṡ/r``.
+    """
     found: dict[sympy.Symbol, sympy.Expr] = {}
     orders = dict(zip(kinematics.coordinates, kinematics.orders, strict=True))
     first = [q for q, n in orders.items() if n == 1]
-    rates_of_second = {jet_symbol(q.name, 1) for q, n in orders.items() if n == 2}
+    second = [q for q, n in orders.items() if n == 2]
+    known = {jet_symbol(q.name, 1) for q in second} | set(second)
+    if kinematics.curves is not None:
+        known |= kinematics.curves.derivative_of.keys()
     residuals = [laws.residual(i) for i in laws.closed] if first else []
     for q in first:
         rate = jet_symbol(q.name, 1)
         rows = ((slope(r, rate), r) for r in residuals if r.has(rate))
         for factor, residual in rows:
-            value = (rate - residual / factor).expand()
-            if factor.free_symbols <= kinematics.parameters and rates_of_second.issuperset(
-                value.free_symbols - kinematics.parameters
-            ):
+            value = without_squares((rate - residual / factor).expand())
+            if factor.free_symbols <= kinematics.parameters and known >= value.free_symbols - kinematics.parameters:
                 found |= {rate: value, jet_symbol(q.name, 2): kinematics.rate(value)}
                 break
     return found

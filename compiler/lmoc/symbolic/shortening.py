@@ -11,9 +11,40 @@ from lmoc.symbolic.sorting import without_squares
 if TYPE_CHECKING:
     import sympy
 
+    from lmoc.symbolic.curves import NamedCurves
+
 MOST_CANCELLED = 600  # operations of a quotient that is brought into lowest terms
 MOST_COLLECTED = 300  # operations of a sum whose like terms are put together
 MOST_GATHERED = 150  # operations of an expression whose products of sines and cosines are put together
+MOST_FACTORED = 800  # operations of an equation along a curve whose factors are looked for
+
+
+def along_tangents(residual: sympy.Expr, curves: NamedCurves | None) -> sympy.Expr:
+    """Return an equation without the lengths of tangents that all its terms have: forces in the place of powers.
+
+    Of ``l·(l·s̈ + l'·ṡ² + g·sin φ)`` the sum; of a disk on a curve ``l − r·φ'`` is left out, the way of its centre.
+    """
+    import sympy as sp
+
+    lengths = set() if curves is None else curves.lengths
+    if curves is None or not residual.free_symbols & lengths or residual.count_ops() > MOST_FACTORED:
+        return residual
+    top, bottom = sp.fraction(sp.together(residual))
+    number, factors = sp.factor_list(without_squares(sp.expand(top / bottom.as_coeff_Mul()[0])))
+    left_out = [(f, n) for f, n in factors if _is_a_length(f, lengths)]
+    if not left_out:
+        return residual
+    sign = sp.Mul(*(sp.sign(f.coeff(next(iter(f.free_symbols & lengths)))) ** n for f, n in left_out))
+    return sp.expand(sign * number * sp.Mul(*(f**n for f, n in factors if (f, n) not in left_out)))
+
+
+def _is_a_length(factor: sympy.Expr, lengths: set[sympy.Symbol]) -> bool:
+    """Return whether a factor is the length of a tangent, or one along with it, and nothing that moves by itself."""
+    import sympy as sp
+
+    (of, *others) = factor.free_symbols & lengths or {None}
+    rates = any(s.name.startswith("der(") for s in factor.free_symbols)
+    return bool(of) and not others and not rates and not factor.has(sp.sin, sp.cos) and factor.coeff(of).is_Number
 
 
 def tidy(value: sympy.Expr) -> sympy.Expr:

@@ -240,9 +240,17 @@ def _same_rates_together(terms: list[Term]) -> list[Term]:
         rates = sp.Mul(*(g for g in sp.Mul.make_args(f) if _is_rate(g)))
         groups.setdefault(rates if rates != 1 else f, []).append((c, f))
     return [
-        members[0] if len(members) == 1 else (sp.Add(*(c * f / rate for c, f in members)), rate)
+        members[0] if len(members) == 1 else (_by_shared_sums(sp.Add(*(c * f / rate for c, f in members))), rate)
         for rate, members in groups.items()
     ]
+
+
+def _by_shared_sums(total: sympy.Expr) -> sympy.Expr:
+    """``(J + m·r²)·l − (J + m·r²)·r·φ'`` as ``(J + m·r²)·(l − r·φ')``; a sum without such a factor as it is."""
+    import sympy as sp
+
+    short = sp.factor_terms(total)
+    return short if sum(f.is_Add for f in sp.Mul.make_args(short)) > 1 else total
 
 
 def _is_rate(factor: sympy.Expr) -> bool:

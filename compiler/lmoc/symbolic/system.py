@@ -331,7 +331,7 @@ class SymbolicInterpreter:
         curve, lowest = self._curve_of[variable]
         order = int(table.order[register]) - lowest
         if order == 0:
-            return self.curves.symbol(curve)
+            return self.curves.value(curve)
         jets = [self._rate_of(self.curves.over[curve], n) for n in range(1, order + 1)]
         return None if None in jets else self.curves.rate(curve, order, lambda n: jets[n - 1])
 
