@@ -33,6 +33,7 @@ RANDOM = {
     "lattice of three rows": lattice(4, 3),
     "lattice of shafts": lattice(3, 3, "shaft"),
     "a rope over its own axle": graph(143, 8 + (143 * 7) % 53),
+    "pulleys that hang from each other's ropes": graph(820275, 38, machines=3),
     "an unbalance on a shaft with a chain": """model M
   Fixed wall; FixedShaft held; TorsionSpring spring(k = 1); Inertia driving(J = 1), driven(J = 1);
   Chain chain(z1 = 20, z2 = 40, pitch = 0.01); Unbalance unbalance(m = 1, r = 0.1);

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import combinations, permutations
+from itertools import combinations, islice, permutations
 
 import numpy as np
 
@@ -23,6 +23,8 @@ MOST_IMPROVED = 60  # elements; with more, the first rows found are kept
 MOST_EXCHANGED = 16  # chains
 MOST_PERMUTED = 7  # chains
 CONFLICT = 1000.0
+LEAST_GAIN = 1e-9  # of a cost: what is less is rounding
+TOGETHER = 512  # arrangements whose costs are found at once
 SLIGHT = 0.5  # what the middle of a bar may cost more than its end
 
 
@@ -127,13 +129,16 @@ class _Search:
         number = {n: i for i, n in enumerate(nodes)}
         first = np.array([number[a] for a, _, _ in directed], int)
         last = np.array([number[b] for _, b, _ in directed], int)
-        self.meets = np.zeros((len(nodes), len(directed)), bool)  # node, segment
-        self.meets[first, np.arange(len(directed))] = self.meets[last, np.arange(len(directed))] = True
-        self.side_by_side = np.maximum(x[first][:, None], x[first]) < np.minimum(x[last][:, None], x[last])
-        self.side_by_side &= ~np.eye(len(directed), dtype=bool)
-        self.passes = (x[first] < x[:, None]) & (x[:, None] < x[last]) & ~self.meets
-        self.near = np.abs(x[:, None] - x) < wide[:, None] + wide + BETWEEN
-        self.near &= ~np.eye(len(nodes), dtype=bool)
+        own = np.eye(len(nodes), dtype=bool)
+        meets = own[:, first] | own[:, last]  # node, segment
+        side_by_side = np.maximum(x[first][:, None], x[first]) < np.minimum(x[last][:, None], x[last])
+        passes = (x[first] < x[:, None]) & (x[:, None] < x[last]) & ~meets
+        near = np.abs(x[:, None] - x) < wide[:, None] + wide + BETWEEN
+        self.side_by_side = np.nonzero(np.triu(side_by_side, 1))  # pairs of segments
+        self.passes = np.nonzero(passes)  # nodes and the segments that pass them
+        self.near = np.nonzero(np.triu(near, 1))  # pairs of nodes
+        of_node, self.met = np.nonzero(meets)
+        self.joined, self.first_met, self.met_by = np.unique(of_node, return_index=True, return_counts=True)
 
     def run(self) -> tuple[float, ...]:
         row = np.full(len(self.directed), np.nan)
@@ -185,35 +190,39 @@ class _Search:
         given = others[~np.isnan(others)]
         low, high = (int(given.min()), int(given.max())) if len(given) else (0, 0)
         candidates = sorted(range(low - 1, high + 2), key=lambda r: (r < 0, abs(r)))
-        best = None
-        for r in candidates:
-            row[chain] = r
-            value = self.cost(row)
-            if best is None or value < best[0] - 1e-9:
-                best = value, r
-        row[chain] = best[1]
+        rows = np.repeat(row[None], len(candidates), axis=0)
+        rows[:, chain] = np.array(candidates, float)[:, None]
+        best = 0
+        costs = self.costs(rows)
+        for k, value in enumerate(costs.tolist()):
+            if value < costs[best] - LEAST_GAIN:
+                best = k
+        row[:] = rows[best]
 
     def _exchange(self, row: np.ndarray, chains: list[list[int]]) -> None:
-        before = self.cost(row)
-        for one, other in combinations(chains, 2):
-            kept = row.copy()
-            r, s = row[one[0]], row[other[0]]
-            row[one], row[other] = s, r
-            value = self.cost(row)
-            if value >= before - 1e-9:
-                row[:] = kept
-            else:
-                before = value
+        """Exchange the rows of two chains wherever that is better, one pair after the other."""
+        pairs = list(combinations(chains, 2))
+        while pairs:
+            rows = np.repeat(row[None], len(pairs), axis=0)
+            for own, (one, other) in zip(rows, pairs, strict=True):
+                own[one], own[other] = row[other[0]], row[one[0]]
+            better = np.flatnonzero(self.costs(rows) < self.cost(row) - LEAST_GAIN)
+            if not len(better):
+                return
+            row[:] = rows[better[0]]
+            pairs = pairs[better[0] + 1 :]
 
     def _permute(self, row: np.ndarray, chains: list[list[int]]) -> None:
         """Give each chain a row of its own, in the best of all orders."""
-        best = self.cost(row), row.copy()
-        for order in permutations(range(len(chains))):
-            for chain, r in zip(chains, order, strict=True):
-                row[chain] = r
-            value = self.cost(row)
-            if value < best[0] - 1e-9:
-                best = value, row.copy()
+        chain_of = np.zeros(len(row), int)
+        for k, chain in enumerate(chains):
+            chain_of[chain] = k
+        best, every = (self.cost(row), row.copy()), permutations(range(len(chains)))
+        for orders in iter(lambda: list(islice(every, TOGETHER)), []):
+            rows = np.array(orders, float)[:, chain_of]
+            for value, own in zip(self.costs(rows).tolist(), rows, strict=True):
+                if value < best[0] - LEAST_GAIN:
+                    best = value, own
         row[:] = best[1]
 
     def _centre(self, row: np.ndarray, chains: list[list[int]]) -> None:
@@ -231,39 +240,47 @@ class _Search:
 
     def spans(self, row: Sequence[float]) -> dict[int, tuple[float, float]]:
         """Return the rows that each node reaches over."""
-        low, high, _ = self._reach(np.asarray(row, float))
-        return dict(zip(self.nodes, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+        low, high, _ = self._reach(np.array([row], float))
+        return dict(zip(self.nodes, zip(low[0].tolist(), high[0].tolist(), strict=True), strict=True))
 
-    def _reach(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The first and the last row of each node, and whether it has any."""
-        if not len(row):
-            return np.zeros(len(self.nodes)), np.zeros(len(self.nodes)), np.zeros(len(self.nodes), bool)
-        low = np.fmin.reduce(np.where(self.meets, row, np.inf), axis=1)  # which passes over NaN
-        high = np.fmax.reduce(np.where(self.meets, row, -np.inf), axis=1)
+    def _reach(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The first and the last row of each node in each of several arrangements, and whether it has any."""
+        low = np.full((len(rows), len(self.nodes)), np.inf)
+        high = -low
+        if len(self.met):
+            met = rows[:, self.met]
+            low[:, self.joined] = np.fmin.reduceat(met, self.first_met, axis=1)  # which passes over NaN
+            high[:, self.joined] = np.fmax.reduceat(met, self.first_met, axis=1)
         any_row = low <= high
         return np.where(any_row, low, 0.0), np.where(any_row, high, 0.0), any_row
 
     def _overlaps(
-        self, row: np.ndarray, reach: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+        self, rows: np.ndarray, reach: tuple[np.ndarray, np.ndarray, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Pairs that overlap: segments and segments, nodes and segments, nodes and nodes."""
-        low, high, any_row = reach or self._reach(row)
-        with np.errstate(invalid="ignore"):
-            segments = self.side_by_side & (np.abs(row[:, None] - row) < 1)
-            bars = self.passes & (low[:, None] - 1 < row) & (row < high[:, None] + 1)
-        apart = np.maximum(low[:, None], low) - np.minimum(high[:, None], high)
-        return segments, bars, self.near & any_row[:, None] & any_row & (apart < 1)
+        """Which of the pairs of segments, nodes and segments, nodes overlap in each of several arrangements."""
+        low, high, any_row = reach
+        one, other = self.side_by_side
+        segments = np.abs(rows[:, one] - rows[:, other]) < 1
+        node, segment = self.passes
+        own = rows[:, segment]
+        bars = (low[:, node] - 1 < own) & (own < high[:, node] + 1)
+        one, other = self.near
+        touch = np.maximum(low[:, one], low[:, other]) < 1 + np.minimum(high[:, one], high[:, other])
+        return segments, bars, touch & any_row[:, one] & any_row[:, other]
 
     def conflicts(self, row: Sequence[float]) -> int:
-        segments, bars, nodes = self._overlaps(np.asarray(row, float))
-        return int(segments.sum() // 2 + bars.sum() + nodes.sum() // 2)
+        rows = np.array([row], float)
+        return sum(int(found.sum()) for found in self._overlaps(rows, self._reach(rows)))
 
     def crossing(self, row: Sequence[float]) -> tuple[int, ...]:
         """Return segments without which nothing overlaps, those first that are in the way most often."""
         own, found = np.array(row, float), []
         while True:
-            segments, bars, nodes = self._overlaps(own)
-            blame = segments.sum(axis=0) + bars.sum(axis=0) + 0.5 * (self.meets.T @ nodes.sum(axis=0))
+            segments, bars, nodes = (f[0] for f in self._overlaps(own[None], self._reach(own[None])))
+            blame = sum(np.bincount(side[segments], minlength=len(own)) for side in self.side_by_side)
+            blame = blame + np.bincount(self.passes[1][bars], minlength=len(own))
+            at_nodes = sum(np.bincount(side[nodes], minlength=len(self.nodes)) for side in self.near)
+            blame = blame + 0.5 * np.bincount(self.met, np.repeat(at_nodes[self.joined], self.met_by), len(own))
             blame = np.where(np.isnan(own), 0.0, blame)
             if not len(blame) or not blame.any():
                 return tuple(found)
@@ -271,7 +288,11 @@ class _Search:
             own[found[-1]] = np.nan
 
     def cost(self, row: np.ndarray) -> float:
-        low, high, _ = reach = self._reach(row)
-        segments, bars, nodes = self._overlaps(row, reach)
-        total = 2 * float((high - low).sum()) + 0.01 * float(np.nansum(np.abs(row)))
-        return total + CONFLICT * (segments.sum() / 2 + bars.sum() + nodes.sum() / 2)
+        return float(self.costs(row[None])[0])
+
+    def costs(self, rows: np.ndarray) -> np.ndarray:
+        """Return what each of several arrangements costs."""
+        low, high, _ = reach = self._reach(rows)
+        found = self._overlaps(rows, reach)
+        total = 2 * (high - low).sum(axis=1) + 0.01 * np.nansum(np.abs(rows), axis=1)
+        return total + CONFLICT * sum(pairs.sum(axis=1) for pairs in found)

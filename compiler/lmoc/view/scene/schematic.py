@@ -268,10 +268,11 @@ class Schematic:
             joint.below = joint.below and not joint.hung
         groups.sort(key=lambda group: not any(j.hung for j in group))  # what hangs from another rope comes first
         for group in groups:
-            rope = rope_of(group)
-            ropes = [rope] if rope is not None else [_alone(j) for j in group]
-            for block in (draw_rope(r, self.hanging) for r in ropes):
-                hung = next((j.axle for j in group if j.hung), None)
+            whole = rope_of(group)
+            ropes = [whole] if whole is not None else [_alone(j) for j in group]
+            for rope in ropes:
+                block = draw_rope(rope, self.hanging)
+                hung = next((j.axle for j in rope.joints if j.hung), None)
                 if hung is None:
                     blocks.append(block)
                 else:
