@@ -31,7 +31,7 @@ RTOL = 1e-6
 MOST = 100
 WAYS = ("ModelExchange", 500, RTOL / 100), ("CoSimulation", 10, RTOL), ("CoSimulation", 1000, RTOL)
 # FMPy allows CVode 500 steps from output to output
-FINER = ("ModelExchange", 500, 1e-9), ("ModelExchange", 500, 1e-10), ("ModelExchange", 20_000, 1e-12)
+FINER = ("ModelExchange", 500, 1e-9), ("ModelExchange", 500, 1e-10), ("ModelExchange", 20_000, 1e-11)
 ROOT = Path(__file__).parents[1]
 FMPY = """
 import pickle, sys, fmpy

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracles.drag_link import DRAG_LINK, rocker
 from oracles.fmu import begin, instance, simulated
 
 import lmoc
@@ -270,3 +271,14 @@ def test_what_cannot_be_exported_is_refused_by_name(parts: tuple[str, ...], why:
     (found,) = caught.value.diagnostics
     assert found.code == "E0669" and "its coordinates change along the motion" in found.message and why in found.message
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("b", "c"), [(1.1, 1.2), (1.4, 1.05)])
+def test_a_rocker_turns_with_its_crank_however_long_the_communication_step(b, c, tmp_path) -> None:
+    """Nothing asks for short steps: its states are a steady turn, and Newton's method found the rocker turns away."""
+    dae = lmoc.compile_text(DRAG_LINK.format(g=0, b=b, c=c, when="time > 100"))
+    made = dae.export(tmp_path / "link.fmu")
+    for steps in 1, 4:
+        found = simulated(made.path, fmi_type="CoSimulation", stop_time=8, output_interval=8 / steps, output=["phi"])
+        expected = rocker(1.5 + 6 * np.linspace(0, 8, 4001), b, c)[-1]
+        assert found["phi"][-1] == pytest.approx(expected, abs=1e-9)

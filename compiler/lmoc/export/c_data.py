@@ -170,7 +170,7 @@ def c_data(own: Executable, tolerance: float) -> tuple[str, str]:
     tables = [w.ints(np.array([getattr(v, n) for v in own.variables])) for n in ("place", "index", "type")]
     tables += [w.ints(plan.states), w.ints(plan.derivatives)]
     tables += [w.ints(own.inputs), w.ints(own.parameters + plan.count), w.ints(own.given), w.ints(own.kept)]
-    tables += [w.ints(own.unknowns), w.reals(own.guess), str(len(own.tied.registers))]
+    tables += [w.ints(own.unknowns), w.reals(own.guess), w.ints(own.turning, "lmoc_flag"), str(len(own.tied.registers))]
     tables += [w.ints(own.tied.registers), w.reals(own.tied.values), w.reals(own.tied.reach)]
     tables += [w.reals(own.known), w.reals(own.start), w.reals(own.nominal)]
     tables += [w.reals(own.input_start), w.reals(own.dae.values[own.parameters]), w.reals(own.breaks)]

@@ -61,6 +61,7 @@ class Executable:
     known : (parametric.registers,) values that nothing changes, NaN elsewhere
     given, kept : registers that follow from parameters; those from which `observe` begins
     unknowns, guess : unknowns of nonlinear blocks and their values at the start
+    turning : which of them are no lengths
     tied : variables of closed loops that are not given at the start
     inputs, input_start : registers and values
     parameters : flat variables that can be set
@@ -95,6 +96,7 @@ class Executable:
     kept: np.ndarray
     unknowns: np.ndarray
     guess: np.ndarray
+    turning: np.ndarray
     tied: Tied
     inputs: np.ndarray
     input_start: np.ndarray
@@ -172,7 +174,7 @@ def executable(dae: CompiledDAE) -> Executable:
         dae, run, plan, values_tape(from_parameters, len(known)), right, observe,
         derivatives_tape(plan.program + observing, rule, plan.count),
         known, _given(plan), _kept(plan, observing), unknowns,
-        guessed, tied_ones(plan, dae.reduced, run, loops),
+        guessed, _turning(plan, unknowns), tied_ones(plan, dae.reduced, run, loops),
         inputs, base[inputs], settable, start, np.where(nominal > 0, nominal, 1.0),
         step_factor(dae, plan, run, zero_inputs),
         kinks.break_times(plan, base, *span), outputs, rule.rows, rule.columns, has_branches(plan), events, laws,
@@ -303,6 +305,12 @@ def _given(plan: Plan) -> np.ndarray:
 
 def _unknowns(tape: Tape) -> np.ndarray:
     return np.concatenate([np.zeros(0, int), *(b.unknowns.ravel() for b in tape.blocks if b.work)])
+
+
+def _turning(plan: Plan, unknowns: np.ndarray) -> np.ndarray:
+    variables = plan.reduced.registers.variable[unknowns]
+    is_length = plan.reduced.flat.per_variable(lambda b: b.unit == "m", np.bool_)
+    return (variables < 0) | ~is_length[variables]
 
 
 def _parameter_program(dae: CompiledDAE, plan: Plan) -> tuple[Program, np.ndarray]:

@@ -156,7 +156,10 @@ def _sources(fmi: int) -> dict[str, str]:
     """Return the C files of an FMU that are the same for all scenes."""
     own, engine = Path(__file__).with_name("c"), Path(__file__).parents[1] / "engine" / "c"
     files = [engine / f"{n}.c" for n in _ENGINE] + [engine / f"{n}.h" for n in _HEADERS]
-    parts = "fmu_instances", "fmu", "fmu_steps", "fmu_hops", "discrete", "events", "fmu_laws", "jumps", "fmu_loops"
+    parts = (
+        "fmu_instances", "fmu", "fmu_steps", "fmu_branches", "fmu_hops", "discrete", "events", "fmu_laws", "jumps",
+        "fmu_loops",
+    )  # fmt: skip
     files += [own / f"{n}.c" for n in parts]
     files += [own / f"{n}.h" for n in ("fmu", "discrete", "fmu_laws", "fmu_loops", "fmi")] + [own / f"fmi{fmi}.c"]
     return {f.name: f.read_text(encoding="utf-8") for f in files}

@@ -106,6 +106,7 @@ typedef struct {
   const int32_t *kept_registers;          /* (kept,) registers that observed variables are computed from */
   const int32_t *unknown;                 /* (unknowns,) registers of unknowns of nonlinear blocks … */
   const double *guess;                    /* … where the scene starts */
+  const lmoc_flag *turning;               /* (unknowns,) what is no length: an angle may be whole turns away */
   int64_t tied;                           /* variables of closed loops that are not given at the start … */
   const int32_t *tied_registers;          /* … of `observe` */
   const double *tied_values, *reach;      /* … in the scene, and how far from there a start is told of */
@@ -180,6 +181,7 @@ typedef struct fmu {
   lmoc_block *blocks[TAPES];
   /* one piece of memory, then scratch */
   double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
+  double *branch;                               /* (3 unknowns,) of a step (`fmu_branches.c`) */
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
   double *known, *restitution, *errors, *unresolved;  /* of the laws */
   double *loop_x;                               /* states at the last look at loops; and room */
@@ -215,6 +217,10 @@ void fmu_set_states(fmu *f, const double *x);
 
 /* Steps (`fmu_steps.c`): at the start of simulation, and whenever the other side says that a step is accepted. */
 int fmu_accept(fmu *f);
+
+/* Whether closures of loops stand as they did, and have come along a step that is to be judged on their branch. */
+int fmu_branches_stand(fmu *f);
+int fmu_branches_follow(fmu *f, const lmoc_steps *s);
 
 /* Integrate to a time; `f->now.time` is where it has come to. */
 int fmu_advance(fmu *f, double end);

@@ -64,6 +64,7 @@ static int64_t place_memory(fmu *f) {
   total += fmu_loops_place(f, at ? at + total : 0);
   f->doubles = total;
   TAKE(work, 32*m->states + 4);
+  TAKE(branch, 3*m->unknowns);
   TAKE(noise, 3*i->zeros + m->states);
   TAKE(e.history, i->discrete * LMOC_HISTORY);
   TAKE(e.supposed, i->relations);

@@ -6,45 +6,31 @@
 #include <stdio.h>
 
 static const double SHORTEST = 8e-16; /* share of the time, up to which DOP853 has no step (`engine/c/walk.c`) */
-static const double VANISHES = 1e-5;  /* of the largest determinant of a loop that there was: beyond it coordinates tell
-                                         less of where it goes than tolerances ask for, and it may stand there for ever */
-enum { OF_LOOP = 4 };                 /* unknowns of which determinants are compared so; of more they vary more */
 enum { STANDING = 1000 };             /* events in a row between which the time does not go on */
 
-/* Whether the closures of loops still stand as they did at the start: where one of their determinants changes its sign or
-   vanishes, the motion has come to a place where these coordinates do not tell where the mechanism goes. */
-static int stands(fmu *f) {
-  int64_t at = 0;
-  if (!f->model->branches) return 1;
-  for (int64_t i = 0; i < f->model->right.block_count; i++) {
-    const lmoc_block *b = f->blocks[RIGHT] + i;
-    const double least = pow(VANISHES, fmax(1, (double)b->size / OF_LOOP));
-    for (int64_t j = 0; b->work && j < b->instances; j++, at++) {
-      const double det = f->w[RIGHT][b->work + j];
-      if (!f->now.judged) f->sign[at] = det;
-      else if (!(det * copysign(1, f->sign[at]) > least * fabs(f->sign[at]))) return 0;
-      else if (fabs(det) > fabs(f->sign[at])) f->sign[at] = det;
-    }
-  }
-  f->now.judged = 1;
-  return 1;
-}
+/* An instance and the step that it makes: what `look`, `land` and `keep` are about. */
+typedef struct {
+  fmu *f;
+  const lmoc_steps *s;
+  int turned; /* whether a loop has turned farther in the last look than can be judged */
+} walk;
 
 static int look(void *own, double time, const double *x, int first) {
-  const fmu *f = own;
+  walk *w = own;
   (void)first;
-  return !stands(own) || (f->model->loops.stages && fmu_loops_look(own, time, x));
+  w->turned = !fmu_branches_follow(w->f, w->s);
+  return w->turned || !fmu_branches_stand(w->f) || (w->f->model->loops.stages && fmu_loops_look(w->f, time, x));
 }
 
 /* Onto the closures of loops, and onto what laws keep closed. */
 static int land(void *own, double time, double *x) {
-  fmu *f = own;
+  fmu *f = ((walk *)own)->f;
   if (f->model->loops.stages && fmu_loops_land(f, time, x)) return 1;
   return lmoc_law_drifts(&f->laws) ? fmu_law_keep(f, time, x) : 0;
 }
 
 static void keep(void *own) {
-  fmu *f = own;
+  fmu *f = ((walk *)own)->f;
   lmoc_mark(&f->call);
   if (f->model->loops.stages) fmu_loops_keep(f);
 }
@@ -53,7 +39,7 @@ int fmu_accept(fmu *f) {
   const int found = fmu_evaluate(f);
   int looked;
   if (found) return found;
-  if (!stands(f)) {
+  if (!fmu_branches_stand(f)) {
     f->tell(f->owner, "the mechanism has come to where its coordinates no longer tell where it goes");
     return FMU_WRONG;
   }
@@ -106,8 +92,10 @@ static int happens_within(fmu *f, lmoc_steps *s, double *end, int *root) {
 }
 
 /* Whether a step that has been found too long to be judged can be made again, and shorter. */
-static int again(fmu *f, lmoc_steps *s, int status) {
-  if (status != LMOC_DOUBTFUL || !f->model->loops.stages) return 0;
+static int again(walk *own, lmoc_steps *s, int status) {
+  fmu *f = own->f;
+  if (status != LMOC_DOUBTFUL || !(own->turned || f->model->loops.stages)) return 0;
+  own->turned = 0;
   if (f->call.marked) lmoc_go_back(&f->call);
   s->step_size = s->length / 4;
   s->grow = 1;
@@ -121,9 +109,14 @@ int fmu_smooth(fmu *f, double end, int *root) {
          *landed = terms + 7*n, *atol = landed + n, *begin = atol + n;
   const int found = fmu_derivatives(f, slope), watched = fmu_roots(f) > 0;
   if (found) return found;
+  if (m->branches) { /* the branch on which the first step begins */
+    lmoc_evaluate(&f->call, f->now.time, f->x);
+    lmoc_mark(&f->call);
+  }
   for (int64_t i = 0; i < n; i++) atol[i] = tolerance(f) * 1e-3 * m->nominal[i];
   if (!(f->now.wish > 0)) f->now.wish = first_step(f, end - f->now.time, slope, atol, x_new, last);
-  const lmoc_step_hook hook = {f, look, m->loops.stages || lmoc_law_drifts(&f->laws) ? land : 0, keep, 0};
+  walk own = {f, 0, 0};
+  const lmoc_step_hook hook = {&own, look, m->loops.stages || lmoc_law_drifts(&f->laws) ? land : 0, keep, 0};
   lmoc_steps s = {.call = &f->call, .rules = &m->rules, .weights = m->weights, .nodes = m->nodes, .dense = m->dense,
                   .omitted = m->omitted, .atol = atol, .x = f->x, .f = slope, .x_new = x_new, .k = k, .last = last,
                   .terms = terms, .landed = landed, .t = f->now.time, .before = f->now.time, .step_size = f->now.wish,
@@ -131,12 +124,13 @@ int fmu_smooth(fmu *f, double end, int *root) {
                   .max_step = m->events.longest, .patience = INFINITY, .most = watched ? 1 : INT64_MAX, .hook = &hook};
   int status = 0, shorter, doubted = 0;
   int64_t left = f->patience;
+  own.s = &s;
   do {
     const double wished = s.step_size;
     memcpy(begin, f->x, n * sizeof(double));
     status = lmoc_dop853_walk(&s);
     const int cut = s.steps == 1 && !s.rejected && s.length < wished; /* at the end: no shorter */
-    shorter = again(f, &s, status);
+    shorter = again(&own, &s, status);
     doubted = shorter || (doubted && !s.steps);
     f->now.wish = cut ? wished : s.step_size;
     if (watched && s.steps) {
@@ -156,8 +150,8 @@ int fmu_smooth(fmu *f, double end, int *root) {
   f->now.time = s.t;
   fmu_changed(f);
   if (!status || *root) return FMU_GOOD;
-  if (doubted) return fmu_loops_depend(f);
-  if (status == LMOC_DOUBTFUL)
+  if (doubted && m->loops.stages) return fmu_loops_depend(f);
+  if (doubted || status == LMOC_DOUBTFUL)
     f->tell(f->owner, "the mechanism has come to where its coordinates no longer tell where it goes");
   else f->tell(f->owner, "no step is short enough: the equations have no solution beyond");
   return FMU_NO_VALUE;
