@@ -41,10 +41,27 @@ def test_models_that_have_not_changed_are_not_checked_again(monkeypatch):
         text = text.replace(old, new)
         asked.clear()
         found = checks.check(text, "/nowhere/three.lmo")
-        assert asked == again
+        assert sorted(asked) == again
         assert found == check(text, "/nowhere/three.lmo")
     with pytest.raises(Stopped):
         checks.check(THREE, "/nowhere/three.lmo", lambda: False)
+
+
+def test_of_many_models_all_are_checked_and_those_that_changed_last_first(monkeypatch):
+    asked, checks, checked, parts = [], Checks(), checking._Text.checked, []
+    monkeypatch.setattr(checking._Text, "checked", lambda self, m: (asked.append(m.name), checked(self, m))[1])
+    text = "".join(f"model M{k}\n  Real x = y{k};\nend M{k};\n" for k in range(25))
+    found = checks.check(text, "/nowhere/many.lmo", tell=lambda part: parts.append(part()))
+    assert [f.found for f in found.findings] and len(found.findings) == len(asked) == found.models == 25
+    assert [p.left for p in parts] == [*range(24, 0, -1)] and parts[6].findings == found.findings[:7]
+    asked.clear()
+    text = text.replace("y3;", "z3;").replace("end M20;", "end M20;\n")
+    with pytest.raises(Stopped):
+        checks.check(text, "/nowhere/many.lmo", lambda: len(asked) < 1)
+    asked.clear()
+    text = text.replace("y22;", "z22;").replace("model M0\n", "model M0\n  constant Real c = 1;\n")
+    assert checks.check(text, "/nowhere/many.lmo") == check(text, "/nowhere/many.lmo")
+    assert asked[:2] == ["M0", "M22"]
 
 
 def test_a_newer_text_waits_for_a_check_that_is_short(monkeypatch):

@@ -2,23 +2,27 @@
 
 One check runs at a time. A newer text of the same file takes the place of one that waits, and of one that runs, which
 is given up after the model that is being checked; a model that takes longer than its budget ends the process, and that
-is said instead of its findings.
+is said beside what has been found until then. What a long check has found is delivered as it comes, with how many
+models are still to be checked.
 """
 
 from __future__ import annotations
 
 import multiprocessing
 import threading
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
-from lmoc.editor.checking import Checked, Checks, Finding, Stopped
+from lmoc.editor.checking import Checked, Checks, Finding, Part, Stopped
 from lmoc.support.records import dataclass
 
 BUDGET = 30.0  # s
 PATIENCE = 5.0  # s that a model is checked when there is a newer text: with a process goes all that it has checked
-_MOVES, _STOP = "moves on", "stop"
+EVERY = 1.0  # s between two deliveries of the same text
+_MOVES, _PART, _STOP = "moves on", "part", "stop"
 
 
 @dataclass(frozen=True)
@@ -86,18 +90,22 @@ class Checker:
                 path = next(iter(self._waiting))
                 request = self._running = self._waiting.pop(path)
             found = self._checked(request)
+            current = self._is_newest(request)
             with self._wake:
-                current = self._running is request and request.path not in self._waiting and not self._closed
                 self._running = None
             if found is not None and current:
                 self._deliver(request, found)
+
+    def _is_newest(self, request: Request) -> bool:
+        with self._wake:
+            return self._running is request and request.path not in self._waiting and not self._closed
 
     def _checked(self, request: Request) -> Checked | None:
         """The outcome; None where a newer text has come in the meantime."""
         try:
             pipe = self._connected()
             pipe.send((request.text, request.path))
-            waited, told = 0.0, False
+            waited, told, part = 0.0, False, Checked((), ())
             while True:
                 while not pipe.poll(0.05):
                     waited += 0.05
@@ -110,9 +118,13 @@ class Checker:
                         return None
                     if waited > self._budget:
                         self._end_process()
-                        return _without_end(self._budget)
+                        return _without_end(self._budget, part)
                 kind, answer = pipe.recv()
-                if kind != _MOVES:
+                if kind == _PART:
+                    part = answer
+                    if self._is_newest(request):
+                        self._deliver(request, replace(part, findings=(*part.findings, _still(part))))
+                elif kind != _MOVES:
                     break
                 waited = 0.0
         except (OSError, EOFError):  # the process has died: of memory, say
@@ -137,7 +149,13 @@ class Checker:
 
 def _serve(pipe: Connection) -> None:
     """The work of the process: a text in, what is found out."""
-    checks = Checks()
+    checks, told = Checks(), 0.0
+
+    def tell(part: Part) -> None:
+        nonlocal told
+        if time.monotonic() - told >= EVERY:
+            pipe.send((_PART, part()))
+            told = time.monotonic()
 
     def go_on() -> bool:
         pipe.send((_MOVES, None))
@@ -153,7 +171,8 @@ def _serve(pipe: Connection) -> None:
         answer: Checked | str | None
         try:
             text, path = asked
-            answer = checks.check(text, path, go_on)
+            told = time.monotonic()
+            answer = checks.check(text, path, go_on, tell)
         except Stopped:
             answer = None
         except Exception as error:  # a mistake of lmoc's: said in the editor, not lost in a process
@@ -165,7 +184,14 @@ def _failed(what: str) -> Checked:
     return Checked((Finding("E0665", "error", what, None, "", "", "please report it with the file", ()),), ())
 
 
-def _without_end(budget: float) -> Checked:
+def _still(part: Checked) -> Finding:
+    message = f"{part.left} of {part.models} models of this file are still being checked"
+    return Finding("N0670", "note", message, None, "", "", "", ())
+
+
+def _without_end(budget: float, part: Checked) -> Checked:
     message = f"the check has not ended within {budget:g} s"
     hint = "`lmoc check` goes on without limit and shows how far it is"
-    return Checked((Finding("W0666", "warning", message, None, "", "", hint, ()),), ())
+    if part.left:
+        message += f": {part.left} of {part.models} models of this file, at the most, have not been checked"
+    return replace(part, findings=(*part.findings, Finding("W0666", "warning", message, None, "", "", hint, ())))

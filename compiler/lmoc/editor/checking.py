@@ -10,12 +10,12 @@ from __future__ import annotations
 import os
 import re
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 
 from lmoc.editor.analysis import folders, opened, own_folder
-from lmoc.editor.pieces import Reading, read, with_inner
+from lmoc.editor.pieces import Piece, Reading, read, with_inner
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.messages.source import Source, Span
 from lmoc.support.quoted import split
@@ -23,7 +23,6 @@ from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.classwise import parse_classwise, with_mistakes
 
-MOST_MODELS = 20  # of one text that are checked
 _LINE = re.compile(r"\bline \d+|:\d+:\d+")  # a place in a message itself
 
 
@@ -57,10 +56,13 @@ class Checked:
     Attributes
     ----------
     counts : {model: (stage, count) …}, of models without errors
+    left, models : how many models are still to be checked, of how many
     """
 
     findings: tuple[Finding, ...]
     counts: tuple[tuple[str, tuple[tuple[str, int], ...]], ...]
+    left: int = 0
+    models: int = 0
 
 
 @dataclass(frozen=True)
@@ -94,48 +96,61 @@ class Stopped(Exception):
     """A check has been given up."""
 
 
+Part = Callable[[], Checked]
+
+
 class Checks:
     """Checks texts one after the other: models that have not changed are not checked again."""
 
     def __init__(self) -> None:
         self._readings: dict[str, Reading] = {}
         self._kept: dict[str, Kept] = {}  # {path: what was found in its last text}
+        self._age: dict[str, dict[Piece, int]] = {}  # {path: the text of the file in which each piece came up}
+        self._texts = 0
 
-    def check(self, text: str, path: str, go_on: Callable[[], bool] = lambda: True) -> Checked:
+    def check(
+        self, text: str, path: str, go_on: Callable[[], bool] = lambda: True,
+        tell: Callable[[Part], None] = lambda _: None,
+    ) -> Checked:  # fmt: skip
         """Return what a check of a text finds, as the function `check`.
+
+        Models whose own text has changed last are checked first.
 
         Parameters
         ----------
         go_on : asked after each model; where it says no, the check is given up
+        tell : told after each model, but the last, what returns the outcome so far
 
         Raises
         ------
         Stopped
         """
-        before = self._readings.get(path)
-        reading = self._readings[path] = read(path, text, () if before is None else before.pieces)
-        one = _Text(reading)
+        one = self._read(text, path)
         if any(d.severity == "error" for d in one.misplaced):
             return Checked(tuple(map(_finding, one.misplaced)), ())
         kept = self._kept.setdefault(path, {})
-        found: list[tuple[str, _Found]] = []
-        used: Kept = {}
-        for model in one.models():
-            key = one.key(model)
-            own = kept.get(key)
-            if own is None:
-                own = one.checked(model)
-                if one.holds(model, own):
-                    kept[key] = own
-                if not go_on():
-                    raise Stopped
-            if key in kept:
-                used[key] = own
-            found.append((model.name, one.here(model, own)))
-        self._kept[path] = used
-        findings = dict.fromkeys(f for _, own in found for f in own.findings)
-        findings.update(dict.fromkeys(one.left_out([own.findings for _, own in found])))
-        return Checked(tuple(findings), tuple((name, own.counts) for name, own in found if own.counts is not None))
+        keys = {model: one.key(model) for model in one.models()}
+        found = {model: kept[key] for model, key in keys.items() if key in kept}
+        age = self._age[path]
+        unchecked = sorted((m for m in keys if m not in found), key=lambda m: -max(age[p] for p in one.own(m)))
+        for k, model in enumerate(unchecked, 1):
+            own = found[model] = one.checked(model)
+            if one.holds(model, own):
+                kept[keys[model]] = own
+            if not go_on():
+                raise Stopped
+            if left := len(unchecked) - k:
+                tell(lambda left=left: one.outcome(keys, found, left))
+        self._kept[path] = {key: kept[key] for key in keys.values() if key in kept}
+        return one.outcome(keys, found)
+
+    def _read(self, text: str, path: str) -> _Text:
+        before = self._readings.get(path)
+        reading = self._readings[path] = read(path, text, () if before is None else before.pieces)
+        self._texts += 1
+        age = self._age.get(path, {})
+        self._age[path] = {p: age.get(p, self._texts) for p in reading.pieces}
+        return _Text(reading)
 
 
 @dataclass(frozen=True)
@@ -171,7 +186,7 @@ class _Text:
             one = choose_model(opened(self.reading.source.name, file), [file], None)
             return [_Model(one.full_name, None, self._needs(one.full_name))]
         except SeveralModels as wrong:
-            return [_Model(name, name, self._needs(name)) for name in wrong.names[:MOST_MODELS]]
+            return [_Model(name, name, self._needs(name)) for name in wrong.names]
         except NoModel:
             if file.classes:
                 return ()
@@ -184,6 +199,20 @@ class _Text:
         k = next((k for k, p in enumerate(self.reading.pieces) if any(c.name == first for c in p.file.classes)), None)
         needed = None if k is None else self.reading.needs[k]
         return None if needed is None else tuple(sorted(needed))
+
+    def own(self, model: _Model) -> Sequence[Piece]:
+        """The pieces in which a model may stand itself."""
+        first = split(model.name)[0] if model.name else ""
+        found = [p for p in self.reading.pieces if any(c.name == first for c in p.file.classes)]
+        return found or self.reading.pieces
+
+    def outcome(self, models: Collection[_Model], found: dict[_Model, _Found], left: int = 0) -> Checked:
+        """The outcome of some models, in the order of the text."""
+        here = [(model.name, self.here(model, found[model])) for model in models if model in found]
+        findings = dict.fromkeys(f for _, own in here for f in own.findings)
+        findings.update(dict.fromkeys(self.left_out([own.findings for _, own in here])))
+        counts = tuple((name, own.counts) for name, own in here if own.counts is not None)
+        return Checked(tuple(findings), counts, left, len(models))
 
     def key(self, model: _Model) -> tuple[object, ...]:
         """All that the outcome depends on: the pieces, and what else there is, which a hint may name."""

@@ -110,7 +110,7 @@ CATALOGUE: dict[str, Entry] = {
     ),
     "W0666": Entry(
         "the check of a text in an editor takes too long",
-        "An editor waits 30 s for the check of a text. `lmoc check FILE` goes on and shows how far it is.",
+        "An editor waits 30 s for the check of a model. `lmoc check FILE` goes on and shows how far it is.",
     ),
     "E0667": Entry(
         "the store of a study cannot be used",
@@ -130,6 +130,11 @@ CATALOGUE: dict[str, Entry] = {
         "friction, contacts), and of what happens at instants: `when`, relations, samples, assertions. Mechanisms\n"
         "whose coordinates change along the motion while something moves their closed loops from outside cannot be\n"
         "exported yet (docs/fmi.md).",
+    ),
+    "N0670": Entry(
+        "models of a text are still being checked in an editor",
+        "What has been found so far is shown. Of a file with many models those that have changed last are checked\n"
+        "first, and all of them in the end; then this note goes away.",
     ),
     "E0663": Entry(
         "no single equilibrium",
