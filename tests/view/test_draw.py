@@ -80,16 +80,39 @@ def test_an_icon_is_drawn_between_the_ports_and_replaces_a_symbol():
 
 
 def test_the_texts_of_an_icon_say_values():
-    """``%par`` is a parameter's value with its unit (18.6.5.5); what is no parameter stays a name, ``%%`` is a sign."""
+    """``%par`` is a parameter's value with its unit (18.6.5.5); what is none stays a name, ``%%`` is a sign."""
     law = """model Own extends Spring(k = 1500);
       parameter Boolean on = true; parameter Integer n[2] = {1, 2};
       annotation(Icon(graphics = {Text(extent = {{-80, 60}, {80, 90}}, textString = "k=%k, %{on}, %n 5%% %class"),
         Text(extent = {{-80, 30}, {80, 60}}, textString = "of %name")}));
       end Own;"""
     model = lmoc.compile_text(law + CHAIN, model="Scene")
-    assert {"k=1500 N/m, true, n 5% Own", "of own"} <= set(texts(model.draw().picture))
+    assert {"k=1500 N/m, true, {1, 2} 5% Own", "of own"} <= set(texts(model.draw().picture))
     kept = texts(picture_of(model.flat, model.flat.parameter_values(), numbers=False))  # of a page: sliders
     assert "of own" in kept and not [text for text in kept if "1500" in text]
+
+
+def test_what_an_icon_shows_where_a_parameter_says_so():
+    law = """model Own extends Spring(k = 1);
+      parameter Boolean on = true, off = false;
+      annotation(Icon(graphics = {Text(visible = on, extent = {{-80, 60}, {80, 90}}, textString = "one"),
+        Text(visible = not on, extent = {{-80, 60}, {80, 90}}, textString = "two"),
+        Text(visible = on and off, extent = {{-80, 60}, {80, 90}}, textString = "three"),
+        Text(visible = on or off, extent = {{-80, 30}, {80, 60}}, textString = "four")}));
+      end Own;"""
+    assert {"one", "two", "three", "four"} & set(texts(drawn(law + CHAIN, model="Scene"))) == {"one", "four"}
+
+
+def test_a_place_in_space_is_one_port():
+    space = """connector Place Real r[3](each unit = "m"); flow Real f[3](each unit = "N"); end Place;
+      model Held Place p; equation p.r = {1, 0, 0}; end Held;
+      model Spring3 Place a, b; equation a.f = 3*(a.r - b.r); a.f + b.f = {0, 0, 0}; end Spring3;
+      model Ball Place p; Real v[3](each start = 0, each fixed = true);
+      equation der(p.r) = v; 2*der(v) = p.f; end Ball;
+      model Scene Held held; Spring3 spring; Ball ball;
+      equation connect(held.p, spring.a); connect(spring.b, ball.p); end Scene;"""
+    found = drawn(space, model="Scene")
+    assert sorted(i.part for i in found.items if i.symbol == "box") == ["ball", "held", "spring"]
 
 
 def test_an_icon_keeps_its_colours_in_every_kind_of_picture(tmp_path):

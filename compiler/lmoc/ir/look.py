@@ -16,6 +16,8 @@ SYMBOLS = frozenset(
     """.split()
 )
 
+Condition = tuple  # ("name",), ("not", condition), ("and", condition, condition), ("or", condition, condition), or ()
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -30,6 +32,7 @@ class Drawn:
     colour : of the line or the text, "#rrggbb"; "none" for no line, "" for that of the picture
     paint : colour of the area, likewise
     dashed : the line is
+    visible : a condition in parameters of the part, ``("not", ("useSupport",))``; always without one
     """
 
     kind: str
@@ -39,6 +42,7 @@ class Drawn:
     colour: str = ""
     paint: str = ""
     dashed: bool = False
+    visible: Condition = ()
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from lmoc.ir.look import PLAIN, SYMBOLS, Drawn, Look
+from lmoc.ir.look import PLAIN, SYMBOLS, Condition, Drawn, Look
 from lmoc.messages.diagnostics import Report, Subject, nearest
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.classes.vendor import entry_of, vendor_entry
@@ -105,7 +105,21 @@ def _drawn(item: tree.Expression, scaled) -> Drawn:
         kind, points = "Polygon", ((a, b), (c, b), (c, d), (a, d))
     words = text.value if isinstance(text, tree.String) else ""
     colours = _line(kind, given), _colour(given, "fillColor")
-    return Drawn(kind.lower(), scaled(points), words, filled, *colours, _dashed(given))
+    visible = _condition(given["visible"]) if "visible" in given else ()
+    return Drawn(kind.lower(), scaled(points), words, filled, *colours, _dashed(given), visible)
+
+
+def _condition(value: tree.Expression) -> Condition:
+    """``visible = not useSupport`` in parameters of the part; nothing, which is always, for what says it otherwise."""
+    if isinstance(value, tree.Ref):
+        return (str(value),)
+    if isinstance(value, tree.Unary) and value.op == "not":
+        inner = _condition(value.operand)
+        return ("not", inner) if inner else ()
+    if isinstance(value, tree.Binary) and value.op in ("and", "or"):
+        sides = _condition(value.left), _condition(value.right)
+        return (value.op, *sides) if all(sides) else ()
+    return ()
 
 
 def _static(value: tree.Expression) -> tree.Expression:

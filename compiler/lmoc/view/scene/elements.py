@@ -10,13 +10,14 @@ from math import isfinite, prod
 import numpy as np
 
 from lmoc.ir.flat import Block, FlatDAE, Kind, Part
-from lmoc.ir.look import Drawn, Look
+from lmoc.ir.look import Condition, Drawn, Look
 from lmoc.support.quoted import last
 from lmoc.support.records import dataclass
 from lmoc.symbolic.styles import unit_text
 
 # the units of a port's potentials → what kind of port it is
 _MACRO = re.compile(r"%(?:([%]|[A-Za-z_]\w*(?:\.\w+)*)|\{([^}]*)\})")  # of a text in an icon
+MOST_WRITTEN = 4  # members of an array in an icon
 DOMAINS = {("m",): "line", ("rad",): "shaft", ("m", "m"): "point", ("m", "m", "rad"): "frame"}
 
 
@@ -94,7 +95,9 @@ class Graph:
         return None if found is None or not len(found) else int(found[0])
 
     def worded(self, numbers: bool) -> Graph:
-        """Return the graph with the texts of drawings written out (Modelica specification, 18.6.5.5), but for names.
+        """Return the graph with what is visible of drawings, their texts written out but for names.
+
+        See the Modelica specification, 18.6.5.5.
 
         Parameters
         ----------
@@ -102,9 +105,18 @@ class Graph:
         """
         elements = []
         for e in self.elements:
-            drawn = [d if "%" not in d.text else self._worded(e, d, numbers) for d in e.look.drawing]
+            seen = [d for d in e.look.drawing if not d.visible or self._holds(e, d.visible)]
+            drawn = [d if "%" not in d.text else self._worded(e, d, numbers) for d in seen]
             elements.append(replace(e, look=replace(e.look, drawing=tuple(d for d in drawn if d is not None))))
         return replace(self, elements=tuple(elements))
+
+    def _holds(self, element: Element, condition: Condition) -> bool:
+        """Return whether a condition holds; what is no parameter with a value does."""
+        operator, *sides = condition
+        if not sides:
+            return self.value(element, operator, 1.0) != 0
+        held = [self._holds(element, side) for side in sides]
+        return not held[0] if operator == "not" else all(held) if operator == "and" else any(held)
 
     def _worded(self, element: Element, drawn: Drawn, numbers: bool) -> Drawn | None:
         def word(match: re.Match[str]) -> str:
@@ -117,16 +129,22 @@ class Graph:
         return replace(drawn, text=_MACRO.sub(word, drawn.text)) if numbers or asked <= {"%", "name", "class"} else None
 
     def _written(self, name: str) -> str:
-        """Return the value of a parameter and its unit; nothing for what is no parameter, or an array."""
+        """Return the value of a parameter and its unit; nothing for what is no parameter, or a long array."""
         found = self.flat.find(name)
-        block = self.flat.block_at(int(found[0])) if found is not None and len(found) == 1 else None
-        if block is None or block.kind > Kind.PARAMETER:
+        if found is None or not 0 < len(found) <= MOST_WRITTEN:
             return ""
-        value = float(self.values[found[0]])
+        block = self.flat.block_at(int(found[0]))
+        numbers = [float(self.values[v]) for v in found]
+        if block.kind > Kind.PARAMETER or block.quantity not in ("Boolean", "Real", "Integer"):
+            return ""
+        if not all(isfinite(value) for value in numbers):
+            return ""
         if block.quantity == "Boolean":
-            return "true" if value else "false"
+            words = ["true" if value else "false" for value in numbers]
+        else:
+            words = [f"{value:.6g}" for value in numbers]
         unit = unit_text(block.unit) if block.unit not in ("", "1") else ""
-        return f"{value:.6g} {unit}".rstrip() if block.quantity in ("Real", "Integer") and isfinite(value) else ""
+        return f"{words[0] if block.size == 1 else '{' + ', '.join(words) + '}'} {unit}".rstrip()
 
     def name(self, port: Port, axis: int = 0) -> str:
         """Return the dotted name of a potential of a port."""
@@ -170,12 +188,15 @@ def ports_of(flat: FlatDAE, part: Part, first: np.ndarray, position: int) -> tup
     found = []
     for path, pairs in connectors.items():
         units = tuple(p.unit for p, _ in pairs)
-        for j in range(pairs[0][0].size // number if number else 0):
-            here = [position * (p.size // number) + j for p, _ in pairs]
-            potentials = tuple(p.offset + i for (p, _), i in zip(pairs, here))
-            flows = tuple(f.offset + i for (_, f), i in zip(pairs, here))
+        members = [prod(p.path[-1][1]) for p, _ in pairs]  # a place in space is one vector, and one port
+        domain = DOMAINS.get(units if set(members) == {1} else units[:1], "other")
+        for j in range(pairs[0][0].size // (number * members[0]) if number else 0):
+            starts = [position * (p.size // number) + j * n for (p, _), n in zip(pairs, members)]
+            here = [(p, f, s + i) for (p, f), s, n in zip(pairs, starts, members) for i in range(n)]
+            potentials = tuple(p.offset + i for p, _, i in here)
+            flows = tuple(f.offset + i for _, f, i in here)
             name = Block(path, 0, 0, Kind.UNKNOWN).name(j) if path else ""
-            found.append(Port(name, DOMAINS.get(units, "other"), int(first[potentials[0]]), potentials, flows))
+            found.append(Port(name, domain, int(first[potentials[0]]), potentials, flows))
     return tuple(found)
 
 
