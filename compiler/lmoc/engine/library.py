@@ -109,6 +109,7 @@ _FUNCTIONS = {
     "lmoc_law_strike": (_INT, [_POINTER, _REAL, *[_POINTER] * 2]),
     "lmoc_law_keep": (_INT, [_POINTER, _REAL, _REAL, _POINTER]),
     "lmoc_law_drifts": (_INT, [_POINTER]),
+    "lmoc_segments_go": (_COUNT, [_POINTER]),
     "lmoc_held_velocities": (_INT, [_COUNT, _COUNT, *[_POINTER] * 2]),
 }
 

@@ -35,21 +35,14 @@ typedef struct {
   double *memory;                 /* of series, (2*n*(LENGTH + 1) + n, lanes); of DOP853, (lanes, 27*n) */
 } lanes;
 
-static void forget(const lmoc_tape *t, int64_t count) {
-  for (int64_t k = 0; k < count; k++) {
-    t->blocks[k].ready = 0;
-    if (t->blocks[k].lu) lmoc_lu_forget(t->blocks[k].lu);
-  }
-}
-
 /* A run at its beginning in a lane; one that goes on alone has its registers and its order of pivots still. */
 static void prepare(const lanes *l, int64_t run, int64_t lane) {
   if (l->goes_on) return;
   const double *base = l->base + run*l->registers;
   for (int64_t k = 0; k < l->registers; k++) l->call->w[LMOC_AT(k) + lane] = base[k];
-  forget(l->call->tape, l->blocks);
+  lmoc_forget(l->call->tape, l->blocks);
   l->call->solved = l->call->marked = 0;
-  if (l->taylor) forget(l->taylor->series->start, l->start_blocks);
+  if (l->taylor) lmoc_forget(l->taylor->series->start, l->start_blocks);
 }
 
 /* Steps that may still be made; 0 at the end, and where there are to be no more: `found` says why. */

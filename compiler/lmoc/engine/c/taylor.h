@@ -47,4 +47,12 @@ int64_t LMOC_NAME(lmoc_taylor_go)(const lmoc_taylor *y, lmoc_walk *s);
 /* The same for one run, counted from zero; returns what it has found. */
 int lmoc_taylor_walk(const lmoc_taylor *y, lmoc_walk *s);
 
+/* Factors of matrices that depend on parameters have to be made anew, and pivots to be chosen anew. */
+static inline void lmoc_forget(const lmoc_tape *tape, int64_t blocks) {
+  for (int64_t k = 0; k < blocks; k++) {
+    tape->blocks[k].ready = 0;
+    if (tape->blocks[k].lu) lmoc_lu_forget(tape->blocks[k].lu);
+  }
+}
+
 #endif

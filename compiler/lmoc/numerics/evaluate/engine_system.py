@@ -19,7 +19,7 @@ from lmoc.numerics.evaluate.function import tables_of
 from lmoc.numerics.evaluate.opened import open_blocks
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.stepper import Stepper
-from lmoc.numerics.problem.system import CasadiDAE, InC, System
+from lmoc.numerics.problem.system import CasadiDAE, InC, Programs, System
 from lmoc.numerics.signals.signals import Signal
 from lmoc.numerics.solve.interpreter import Interpreter
 from lmoc.numerics.solve.jacobian import Jacobian
@@ -273,6 +273,9 @@ class EngineSystem(System):
             functions = address("lmoc_evaluate"), address("lmoc_mark")
             self._in_c = InC(ctypes.addressof(self._own), *functions, self.w.ctypes.data)
         return self._in_c
+
+    def programs(self) -> Programs:
+        return ((self.kernel, self._own),)
 
     def stepper(self) -> Stepper:
         return EngineStepper(self)

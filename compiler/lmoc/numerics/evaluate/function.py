@@ -13,6 +13,7 @@ from lmoc.engine.step_functions import Watched
 from lmoc.engine.tables import Tables
 from lmoc.lower.tape import Tape
 from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.system import Programs
 from lmoc.numerics.signals.signals import Signal, sample
 from lmoc.numerics.signals.tables import Table
 
@@ -82,6 +83,10 @@ class TapeFunction:
         """The tape with its registers."""
         return self._kernel
 
+    def programs(self) -> Programs:
+        """Return what is given the registers that do not change between events, as of a system."""
+        return ((self._kernel, self._call),)
+
     def many(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return the results at several times, (times, size)."""
         count, n = len(times), len(self._plan.states)
@@ -119,6 +124,12 @@ def watched(
     own = getattr(evaluate, "__self__", None)
     found = own.watched(count, laws, events) if isinstance(own, TapeFunction) else None
     return None if found is None else (found,)
+
+
+def programs(evaluate: object) -> Programs:
+    """Return `TapeFunction.programs` of what `TapeFunction.many` is; nothing for other functions."""
+    own = getattr(evaluate, "__self__", None)
+    return own.programs() if isinstance(own, TapeFunction) else ()
 
 
 class _Room:

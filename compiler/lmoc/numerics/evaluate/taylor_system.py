@@ -18,7 +18,7 @@ from lmoc.lower.series import LENGTH, Series, series_of
 from lmoc.lower.tape import Tape
 from lmoc.numerics.evaluate.engine_system import EngineSystem, has_branches, plan_tape
 from lmoc.numerics.plan.plan import Plan
-from lmoc.numerics.problem.system import System
+from lmoc.numerics.problem.system import Programs, System
 from lmoc.numerics.signals.signals import Signal
 from lmoc.support.records import dataclass
 
@@ -217,6 +217,9 @@ class TaylorSystem(EngineSystem):
     def prepare(self, base: np.ndarray, signals: Mapping[int, Signal]) -> None:
         super().prepare(base, signals)
         self._start.forget()
+
+    def programs(self) -> Programs:
+        return *super().programs(), (self._start, None)
 
     def _follow_tables(self) -> None:
         super()._follow_tables()

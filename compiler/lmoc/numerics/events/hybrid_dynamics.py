@@ -36,6 +36,7 @@ from lmoc.numerics.signals.signals import Constant, Signal
 
 if TYPE_CHECKING:
     from lmoc.numerics.coordinates.change import RunState
+    from lmoc.numerics.laws.law_run import Told
     from lmoc.numerics.laws.time_stepping import TimeStepping
     from lmoc.numerics.problem.system import System
 
@@ -298,6 +299,16 @@ class HybridDynamics:
         return TimeStepping(laws.kinematics, forces, laws.laws, laws.ledger)
 
     # ------------------------------------------------------------------- what happens
+
+    def pass_by(self, t: float, told: Told, mode: Mode) -> None:
+        """Take note of an instant of laws alone that C has seen to."""
+        self._reached = t
+        self.records += self.laws.pass_by(told, mode)
+
+    @property
+    def passed(self) -> float:
+        """s, when something has happened last, or where the run has begun."""
+        return self._reached
 
     def start(
         self, states: Starter, initial: object, near: RunState | None = None, kept: list[Begun] | None = None

@@ -205,6 +205,15 @@ class ContactKinematics:
             self._find_noise(t, x)
         bias[small & (np.abs(bias) <= self.noise)] = 0.0
 
+    @property
+    def noise_known(self) -> tuple[Array, tuple[float, Array] | None]:
+        """What levels are by rounding alone, and where that has been looked at."""
+        return self.noise.copy(), self._noisy
+
+    @noise_known.setter
+    def noise_known(self, known: tuple[Array, tuple[float, Array] | None]) -> None:
+        self.noise[:], self._noisy = known
+
     def noise_at(self, t: float, x: Array) -> Array:
         """Return bounds of what levels are by rounding alone at an instant, (n,)."""
         self._find_noise(t, x)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lmoc.engine.answers import Answers, doubles
 from lmoc.engine.library import address, library
+from lmoc.engine.segments import Laws as Kept
 from lmoc.numerics.laws.complementarity import NO_SOLUTION, Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.instant import ContactKinematics, Laws, Mask
@@ -97,9 +98,24 @@ _REMEMBERED = (
 )  # fmt: skip
 _NUMBERS = ("push", "force", "idle", "left", "when", "impulse", "lost", "level")
 _COUNTS = ("direction", "turning", "kind")
+_MODE = {"closed": bool, "direction": np.int64, "implied": bool, "push": float}
+_TOLD = {"kind": np.int64, "when": float, "impulse": float, "lost": float, "was": bool, "is_": bool, "passing": bool}
 _FLAGS = (
     "opening", "closing", "closed", "implied", "touched", "was", "is_", "passing", "accumulated", "undecided", "laws",
 )  # fmt: skip
+
+
+class Told(NamedTuple):
+    """What has happened at an instant, (n,) each as of ``lmoc_law_run``."""
+
+    kind: NDArray[np.int64]
+    when: Array
+    impulse: Array
+    lost: Array
+    was: Mask
+    is_: Mask
+    passing: Mask
+    law: int
 
 
 class LawRun:
@@ -141,6 +157,7 @@ class LawRun:
     def __init__(self, kinematics: ContactKinematics, ledger: tuple[int, int], moment: float) -> None:
         self.kinematics, self.time = kinematics, 0.0
         self._answers = Answers(_NO_MEMORY)
+        self._asked_at, self._noise = -np.inf, kinematics.noise_known  # what was known before it was asked last
         self.n, self.states = len(kinematics.table.kind), len(kinematics.plan.states)
         self.errors, self.unresolved = np.zeros((2, self.states))
         self.data = self._laid_out(ledger, moment)
@@ -217,6 +234,41 @@ class LawRun:
         self.push[:] = push
         self._changes[:] = -np.inf
 
+    # ------------------------------------------------------------------ instants
+
+    @property
+    def in_c(self) -> Kept:
+        """What goes from instant to instant in C reads."""
+        return Kept(self.address, self.n, self._memory, self.errors, self.unresolved)
+
+    def told(self) -> Told:
+        """Return what has happened last."""
+        return Told(*(getattr(self, name) for name in _TOLD), self.data.law)
+
+    def kept(self, memory: Array) -> list[tuple[Mode, Array, Told]]:
+        """Return the mode behind some instants, the rounding there as of `rounding`, and what has happened.
+
+        Parameters
+        ----------
+        memory : (instants, …) of the laws behind each, with the law of impact and what else C keeps in the end
+        """
+        rows, begin, n = memory.view(np.uint8), self._memory.ctypes.data, self.n
+
+        def view(name: str, count: int, kind: type) -> NDArray[Any]:
+            place = getattr(self.data, name) - begin
+            return rows[:, place : place + count * np.dtype(kind).itemsize].copy().view(kind)
+
+        mode = (view(k, n, kind) for k, kind in _MODE.items())
+        own = (view(name, n, kind) for name, kind in _TOLD.items())
+        modes, told = map(Mode, *mode), map(Told, *own, memory[:, -1].astype(int).tolist())
+        return list(zip(modes, view("rounding", self.states, float), told, strict=True))
+
+    def forget_after(self, time: float) -> None:
+        """Know as little of rounding as before what has been asked later than at a time, which is to be done again."""
+        self._answers.judge(0)
+        if self._asked_at > time:
+            self.kinematics.noise_known, self._asked_at = self._noise, -np.inf
+
     # ------------------------------------------------------------------ calls
 
     def call(self, name: str, *arguments: Any) -> int:
@@ -290,6 +342,8 @@ class LawRun:
 
     def _without_rounding(self, _: int, t: float, x: int, which: int, bias: int) -> int:
         def work() -> None:
+            if t != self._asked_at:
+                self._asked_at, self._noise = t, self.kinematics.noise_known
             own = np.frombuffer((ctypes.c_bool * self.n).from_address(which), bool)
             self.kinematics.without_rounding(t, doubles(x, self.states).copy(), own, doubles(bias, self.n))
 

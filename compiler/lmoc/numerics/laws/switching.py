@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from lmoc.engine.segments import ModeRegisters
 from lmoc.ir.law import Switched
 from lmoc.ir.mode import law_rows, mode_word
 from lmoc.numerics.evaluate.function import watched
@@ -19,7 +20,7 @@ from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
 from lmoc.numerics.laws.free_dynamics import mode_registers
 from lmoc.numerics.laws.instant import ContactKinematics
-from lmoc.numerics.laws.law_run import CHATTERS, GAP_JUMPS, NO_END, LawRun
+from lmoc.numerics.laws.law_run import CHATTERS, GAP_JUMPS, NO_END, LawRun, Told
 from lmoc.numerics.laws.reading import reader
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.plan.plan import Plan
@@ -78,13 +79,20 @@ class LawSwitching:
 
     def _now(self) -> Mode:
         """Return the mode that holds now: the same object as before, where it is the same."""
-        mode = self.run.mode
+        return self._known(self.run.mode)
+
+    def _known(self, mode: Mode) -> Mode:
         key = mode.key + mode.push.tobytes()
         if key not in self._modes:
             for oldest in list(self._modes)[: 1 - _KEPT]:
                 del self._modes[oldest]
             self._modes[key] = mode
         return self._modes[key]
+
+    def pass_by(self, told: Told, mode: Mode) -> list[Event]:
+        """Take the mode behind an instant that C has seen to; return what happened there."""
+        self._mode = self._known(mode)
+        return self._events(told)
 
     @property
     def second(self) -> NDArray[np.int64]:
@@ -104,6 +112,11 @@ class LawSwitching:
     def allow(self, unresolved: Array | float, errors: Array | float) -> None:
         """Take what the integrator tells the states apart by no more, and what it has allowed itself in a step."""
         self.run.unresolved[:], self.run.errors[:] = unresolved, errors
+
+    @property
+    def mode_registers(self) -> ModeRegisters:
+        """Where `put` writes."""
+        return ModeRegisters(self._shown, self._registers, self.kinematics.plan.held)
 
     def put(self, base: Array) -> None:
         """Put the mode into registers that do not change until the next event."""
@@ -305,10 +318,10 @@ class LawSwitching:
         if run.undecided.any():
             self.undecided.append((t, [self.laws[k][0] for k in np.flatnonzero(run.undecided).tolist()]))
         self._mode = self._now()
-        return self._events()
+        return self._events(run.told())
 
-    def _events(self) -> list[Event]:
-        run, events = self.run, []
+    def _events(self, run: Told) -> list[Event]:
+        events = []
         passed = tuple((self.laws[k][0], float(run.impulse[k])) for k in run.passing.nonzero()[0].tolist())
         for k in run.kind.nonzero()[0].tolist():
             name, laws = self.laws[k]
@@ -323,7 +336,7 @@ class LawSwitching:
                     mode_word(laws, now),
                     impulse,
                     float(run.lost[k]),
-                    f"{_IMPACT_LAWS[run.data.law]}'s law" if impulse else "",
+                    f"{_IMPACT_LAWS[run.law]}'s law" if impulse else "",
                     passed if impulse else (),
                 )
             )

@@ -8,18 +8,20 @@ Whoever holds a system asks it what it can do and never of which class it is.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from lmoc.engine.kernel import Call, Kernel
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.stepper import Stepper
 from lmoc.numerics.signals.signals import Signal, sample
 from lmoc.support.records import dataclass
 
 Series = TypeVar("Series")
+Programs = Sequence[tuple[Kernel, Call | None]]  # each with what remembers where it has been evaluated last
 
 
 @dataclass(frozen=True)
@@ -224,6 +226,10 @@ class System(ABC):
     def in_c(self) -> InC | None:
         """Return what C functions evaluate it with, or None where that takes Python."""
         return None
+
+    def programs(self) -> Programs:
+        """Return what in C is given the registers that do not change between events; nothing where that is Python."""
+        return ()
 
     def casadi_dae(self) -> CasadiDAE | None:
         """Return the equations as casadi's integrators take them, or None where they are not one function."""

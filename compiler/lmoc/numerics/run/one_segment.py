@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.messages.diagnostics import Report
+from lmoc.numerics.evaluate.taylor_system import has_series
 from lmoc.numerics.failures.chatter import FRICTION_HINT, chatters, jumps
 from lmoc.numerics.limits import FINEST
 from lmoc.numerics.options.formulations import ONE_STEP
@@ -20,8 +21,10 @@ from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.problem.base import REQUESTED, Outcome, PlanCost, Problem
 from lmoc.numerics.problem.roots import Roots
 from lmoc.numerics.problem.status import Status
+from lmoc.numerics.problem.system import System
 from lmoc.numerics.signals.signals import break_times
 from lmoc.numerics.steps import choice
+from lmoc.numerics.steps.automatic import NOT_STIFF, OVERRUN, TRIAL, begins_along_series
 from lmoc.numerics.steps.standing import standing
 from lmoc.numerics.task.task import Cost, Segment, Task
 from lmoc.numerics.task.tolerances import Tolerances
@@ -117,6 +120,22 @@ class SegmentSolver:
         self.errors = problem.rtol * np.abs(outcome.x) + problem.atol
         self.unresolved = self.errors if multistep else 0.0
         return self.cost.add(outcome, segment.system, method["solver"], method["reason"])
+
+    def along_series(self, segment: Segment) -> bool:
+        """Return whether the first steps of a segment are made along a Taylor series, if nothing divides it."""
+        options, system = self.task.options, segment.system
+        most = min(options.max_steps, options.requested.form.most_steps)
+        if len(self._given) or most < TRIAL + OVERRUN:
+            return False
+        if options.solver != "auto":
+            return options.solver == "taylor" and has_series(system)
+        spent = self._spent.setdefault(segment.plan, PlanCost())
+        spent.series |= (found := begins_along_series(system, spent))
+        return found
+
+    def count_series(self, outcome: Outcome, system: System) -> None:
+        """Count segments that have been such steps alone."""
+        self.cost.add(outcome, system, "taylor", NOT_STIFF if self.task.options.solver == "auto" else REQUESTED)
 
     def march(self, segment: Segment, x: np.ndarray, begin: Callable[[], TimeStepping]) -> Stepped:
         """Go to the end of the run by steps of equal length, in which impulses of the laws take the place of events.

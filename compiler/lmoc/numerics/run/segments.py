@@ -31,7 +31,7 @@ from lmoc.numerics.observe.trajectory import End, SegmentRecord, Trajectory
 from lmoc.numerics.options.options import MOREAU, WHOLE_RUN
 from lmoc.numerics.plan.plan import Plan
 from lmoc.numerics.plan.steps import stepping_inputs
-from lmoc.numerics.problem.base import Outcome
+from lmoc.numerics.problem.base import Outcome, on_interrupt
 from lmoc.numerics.problem.status import Status, Stopped, interruption
 from lmoc.numerics.problem.system import System
 from lmoc.numerics.run.account import (
@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.events.occasion import Occasion
     from lmoc.numerics.failures.assertions import Assertions
     from lmoc.numerics.run.changes import Changes, Continuation
+    from lmoc.numerics.run.law_segments import ThroughLaws
 
 ROUNDING = 5e-11  # of the size of the states: tolerances are no finer where constraints almost depend on each other
 FINER = 0.1  # factor on the tolerances of segments after a change of coordinates
@@ -112,6 +113,7 @@ class _Run:
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
         self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
         self.monitors = Monitors()
+        self._in_c: tuple[Plan, ThroughLaws | None] | None = None
         self.assertions: Assertions | None = None  # among the monitors; None where none are watched
 
     def go(self, initial: Mapping[str, float] | End | RunState) -> Trajectory:
@@ -150,12 +152,37 @@ class _Run:
 
     def _segment_from(self, x: np.ndarray) -> Outcome:
         """Integrate the current segment; where it is interrupted outside of the integration, nothing of it is left."""
-        begin = self.segment.begin
         try:
-            return self._integrate(x, begin)
+            stopped: list[object] = []
+            with on_interrupt(lambda *_: stopped.append(None)):  # what C has made is taken as a whole
+                x = self._through_laws(x)
+            if stopped:
+                raise KeyboardInterrupt
+            return self._integrate(x, self.segment.begin)
         except KeyboardInterrupt:
+            begin = self.segment.begin
             self.segment.recorder.forget_after(begin)
             return Outcome(begin, x, 0, interruption())
+
+    def _through_laws(self, x: np.ndarray) -> np.ndarray:
+        """Go through segments that laws end in C; return the states where the one begins that Python is to look at."""
+        segment, now = self.segment, self.dynamics
+        if now is None or now.laws is None or self.assertions is not None or self.variables is not None:
+            return x
+        if self._in_c is None or self._in_c[0] is not segment.plan:
+            from lmoc.numerics.run.law_segments import through_laws
+
+            self._in_c = segment.plan, through_laws(self.task, segment, self.solver, now)
+        through = self._in_c[1]
+        if through is None or segment.watch is not None or not self.solver.along_series(segment):
+            return x
+        passed, last, time, x = through(segment, x, self.longest, self.flood.count)
+        if passed:
+            self.segments += passed
+            self.segment = last
+            self._begin(time)
+            self.segment.recorder.record_start(time, x)
+        return x
 
     def _joined(self, outcome: Outcome, started: float) -> Trajectory:
         """Return the segments so far as one trajectory, with statistics and notes."""

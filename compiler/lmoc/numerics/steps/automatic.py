@@ -33,6 +33,7 @@ from lmoc.numerics.steps.modes import EIGENVALUES, Modes
 from lmoc.numerics.steps.series_rule import is_better
 from lmoc.support.records import dataclass, replace
 
+NOT_STIFF = "not stiff"  # why a method goes on as it has begun
 TRIAL = 40  # steps after which the rest of a run is judged
 _AGAIN = 4  # times as many steps later it is judged again
 OVERRUN = 60  # steps ahead up to which a run goes on as it has begun
@@ -100,7 +101,7 @@ def automatically(problem: Problem, integrate: Integrate) -> tuple[Outcome, Used
 
 def legs(way: Way) -> Generator[Leg, None, tuple[Outcome, Used]]:
     """Yield one leg of a run after the other, each when the one before has arrived; return how the run has ended."""
-    problem, reason, factor = way.problem, "not stiff", 1.0
+    problem, reason, factor = way.problem, NOT_STIFF, 1.0
     outcome = yield from _begin(way)
     if outcome.status is Status.TOO_MANY_STEPS and not way.is_exhausted:
         outcome, finer, factor = yield from _long_way(way)
@@ -131,7 +132,7 @@ def _begin(way: Way) -> Going:
     Where there are kinks, a piece between two of them may be a single step, of which DOP853 has less work.
     """
     system, first, spent = way.problem.system, TRIAL, way.spent
-    if way.problem.pieces is None and is_better(system, np.inf if spent.series else spent.steps):
+    if way.problem.pieces is None and _pays(system, spent):
         spent.series = True
         if system.n <= _LOOKED_AT:
             outcome = yield from way.go(Leg("taylor", most=TRIAL, overrun=OVERRUN))
@@ -141,6 +142,15 @@ def _begin(way: Way) -> Going:
             first = _COMPARED
     overrun = OVERRUN if first == TRIAL else 0
     return (yield from way.go(Leg("dop853", calibration(way.problem), first, overrun)))
+
+
+def _pays(system: System, spent: PlanCost) -> bool:
+    return is_better(system, np.inf if spent.series else spent.steps)
+
+
+def begins_along_series(system: System, spent: PlanCost) -> bool:
+    """Return whether `TRIAL` steps of a segment are made along a Taylor series, where it is one piece."""
+    return system.n <= _LOOKED_AT and _pays(system, spent)
 
 
 def _long_way(way: Way) -> Generator[Leg, None, tuple[Outcome, str, float]]:

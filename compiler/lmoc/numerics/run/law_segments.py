@@ -1,0 +1,129 @@
+"""Segments that laws end, in C one after the other (``engine/c/segments.h``), as far as all in them is as usual.
+
+Usual is that few steps along a Taylor series lead to a root, and that the laws have one answer there. A segment of
+another kind, and the last one of a run, are left to Python, which finds all as it was where that has begun.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+
+import numpy as np
+
+from lmoc.engine.segments import LawSegments, Method
+from lmoc.lower.series import LENGTH
+from lmoc.numerics.coordinates.change import all_unknowns
+from lmoc.numerics.evaluate.function import programs, watched
+from lmoc.numerics.evaluate.taylor_system import TaylorSystem
+from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
+from lmoc.numerics.failures.chatter import jumps
+from lmoc.numerics.failures.diagnosis import moving_risks
+from lmoc.numerics.limits import FINEST
+from lmoc.numerics.observe.observer import Observer
+from lmoc.numerics.observe.trajectory import SegmentRecord
+from lmoc.numerics.plan.activity import pulsing
+from lmoc.numerics.plan.kinks import switches
+from lmoc.numerics.plan.plan import Plan
+from lmoc.numerics.problem.base import Outcome
+from lmoc.numerics.problem.status import Status
+from lmoc.numerics.run.one_segment import SegmentSolver
+from lmoc.numerics.steps.automatic import TRIAL
+from lmoc.numerics.steps.taylor import order_for
+from lmoc.numerics.task.task import Segment, Task
+
+
+def is_plain(plan: Plan) -> bool:
+    """Return whether nothing but laws is to be looked at along a segment; to be asked for by `Plan.once`."""
+    reduced, risks = plan.reduced, plan.once(moving_risks)
+    return (
+        reduced.switched is not None
+        and reduced.flat.events is None
+        and reduced.constraints is None
+        and not reduced.in_all_coordinates
+        and not len(plan.sampled)
+        and not len(plan.once(all_unknowns))
+        and not any(plan.once(found) for found in (switches, pulsing, jumps))
+        and not (len(risks.registers) or risks.others)
+    )
+
+
+def through_laws(task: Task, segment: Segment, solver: SegmentSolver, now: HybridDynamics) -> ThroughLaws | None:
+    """Return what goes through segments of a run; None where each of them is looked at in Python."""
+    system, laws = segment.system, now.laws
+    if laws is None or not segment.plan.once(is_plain) or task.occasions is not None or now.stepping.next < np.inf:
+        return None
+    read = laws.reader(now.base(), now.signals)
+    every = *system.programs(), *programs(read)
+    if len(every) < 2 or laws.kinematics.in_c is None or not solver.along_series(segment):
+        return None
+    tapes = *(kernel.tape for kernel, _ in every), *laws.kinematics.scene.tapes
+    if any(block.pattern is not None for tape in tapes for block in tape.blocks):
+        return None  # pivots are of the place where they were chosen, which a segment that is made again has changed
+    return ThroughLaws(task, segment, solver, now)
+
+
+class ThroughLaws:
+    """Goes through segments of a run that have one plan."""
+
+    def __init__(self, task: Task, segment: Segment, solver: SegmentSolver, now: HybridDynamics) -> None:
+        self.task, self.system, self.solver, self.now = task, segment.system, solver, now
+        self.series, n = segment.system.with_series(TaylorSystem), segment.system.n
+        self._atol, self._rtol = np.zeros(n), max(solver.tolerances.rtol, FINEST)
+        memory = np.zeros((2, n)), np.zeros((2, n, LENGTH))
+        self._walk = walk = self.series.new_walk(task.span.end, np.inf, self._rtol)
+        walk.atol, walk.between, walk.x = (a.ctypes.data for a in (self._atol, *memory[0]))
+        walk.q, walk.next = (a.ctypes.data for a in memory[1])
+        read = now.laws.reader(now.base(), now.signals)
+        (own,) = watched(read, 0, laws=now.laws.run.address)
+        ((_, rates),) = segment.system.programs()
+        series = self.series.with_series(order_for(self._rtol))
+        method = Method(ctypes.addressof(series), ctypes.addressof(walk), rates)
+        every = *self.series.programs(), *segment.system.programs(), *programs(read)
+        self._order = order_for(self._rtol)
+        registers, count = now.laws.mode_registers, segment.plan.count
+        self._in_c = LawSegments(method, own, now.laws.run.in_c, registers, every, count)
+        self._kept = memory, read
+
+    def __call__(
+        self, segment: Segment, x: np.ndarray, longest: float, count: Callable[[float, object], None]
+    ) -> tuple[list[SegmentRecord], Segment, float, np.ndarray]:
+        """Go on from where a segment begins.
+
+        Parameters
+        ----------
+        longest : s, the longest step
+        count : takes the time of each instant, and all events so far
+
+        Returns
+        -------
+        what has been, the last segment of it, and time and states behind it
+        """
+        now, task, recorder, began = self.now, self.task, segment.recorder, segment
+        self._walk.longest, self._atol[:] = longest, self.solver.tolerances.absolute(segment, x)
+        self.series.with_series(self._order)
+        table = np.empty((len(recorder.times), len(x)))
+        span, output = (task.span.start, task.span.end), (recorder.times, table, 0, recorder.reached)
+        past = self._in_c.go((segment.begin, x), span, now.passed, now.open, output, TRIAL)
+        records, first, time = [], 0, segment.begin
+        for k, (mode, rounding, told) in enumerate(now.laws.run.kept(past.kept[1:])):
+            time, last = float(past.ended[k]), int(past.until[k])
+            segment.largest = past.largest[k]
+            segment.recorder.reached = min(segment.recorder.reached, last - first)
+            done = segment.recorder.reached
+            segment.recorder(done, table[first + done : last])
+            now.pass_by(time, told, mode)
+            count(time, now.records)
+            records.append(segment.record())
+            if k + 1 < past.count:
+                observer = Observer(segment.plan, task.values, past.base[k + 1], now.signals)
+                segment = Segment(observer, self.system, time, task.span.times, began.first + last, None)
+                segment.mode, segment.rounding, first = mode, rounding, last
+        now.laws.run.forget_after(time)
+        if records:
+            x = past.states[-1]
+            self.series.evaluations += past.evaluations
+            self.system.evaluations += past.evaluations
+            counts = {"steps": past.steps, "rejected": past.rejected}
+            self.solver.count_series(Outcome(time, x, 0, Status.ROOT, counts), self.system)
+        return records, segment, time, x

@@ -1,0 +1,46 @@
+"""Segments that laws end, in C one after the other, and one by one in Python: the same bits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import lmoc
+from lmoc.numerics.run import segments
+
+MODELS = Path(__file__).parents[3] / "models" / "laws"
+
+
+def bits(run: lmoc.Run) -> tuple[object, ...]:
+    """Return all that a run has found."""
+    trajectory = run.trajectory
+    parts = [
+        (s.begin, s.time.tobytes(), s.table.tobytes(), s.observer.base.tobytes(), s.largest, s.rounding, s.mode)
+        for s in trajectory.segments
+    ]
+    plain = [
+        (*own, *(None if v is None else v.tobytes() for v in (largest, rounding)), mode.key + mode.push.tobytes())
+        for *own, largest, rounding, mode in parts
+    ]
+    counts = {k: v for k, v in trajectory.stats.items() if not k.endswith("seconds")}
+    return plain, run.events, counts, dict(run.end)
+
+
+@pytest.mark.parametrize("options", [{}, {"solver": "taylor", "points": 7}, {"max_step": 0.1, "stop": 3.0}])
+@pytest.mark.parametrize("name", ["h16_stick_slip", "h19_bouncing_ball", "h34_slack_string"])
+def test_bits_are_those_of_segments_one_by_one(name, options, monkeypatch):
+    dae = lmoc.compile(MODELS / f"{name}.lmo")
+    passed, along = [], segments._Run._through_laws
+
+    def through(run, x):
+        before = len(run.segments)
+        found = along(run, x)
+        passed.append(len(run.segments) - before)
+        return found
+
+    monkeypatch.setattr(segments._Run, "_through_laws", through)
+    together = bits(dae.simulate(**options))
+    assert sum(passed) >= 1 and sum(passed) >= len(together[0]) - 3  # C has gone through nearly all of them
+    monkeypatch.setattr(segments._Run, "_through_laws", lambda run, x: x)
+    assert bits(dae.simulate(**options)) == together
