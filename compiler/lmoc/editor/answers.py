@@ -13,7 +13,7 @@ from lsprotocol import types as lsp
 
 from lmoc.editor import colours, hints, outline
 from lmoc.editor.analysis import Analysis
-from lmoc.editor.names import Occurrence, at, occurrences
+from lmoc.editor.names import Occurrence, occurrences
 from lmoc.editor.pieces import Piece, Reading
 from lmoc.editor.positions import below, position, span_range
 from lmoc.messages.diagnostics import Report
@@ -43,6 +43,28 @@ class Names:
     runnable: tuple[tuple[lsp.Range, str], ...]
 
 
+@dataclass(frozen=True)
+class Named:
+    """A name in a piece, and its declaration.
+
+    Attributes
+    ----------
+    start, end : its characters in the piece
+    where : the file of the declaration; or among the pieces that matter to this one (`Reading.used`), OWN for itself
+    place : where it stands there; in a piece, in its declarations (`Piece.in_declarations`)
+    text : what it is called there
+    """
+
+    start: int
+    end: int
+    where: str | int
+    place: int
+    text: str
+
+
+OWN = -1
+
+
 @dataclass(frozen=True, eq=False)
 class Layout:
     """What follows from the text of a piece alone."""
@@ -66,11 +88,12 @@ class Answers:
         self._layouts: dict[Piece, Layout] = {} if before is None else before._layouts
         self._formatted: dict[Piece, tuple[list[str], bool]] = {} if before is None else before._formatted
         self._names: dict[Piece, tuple[tuple[str, ...], Names]] = {}
+        self._named: dict[Piece, tuple[tuple[str, ...], list[Named]]] = {}
         if before is not None and among_the_same:
-            self._names = before._names
+            self._names, self._named = before._names, before._named
         self._occurrences: dict[int, list[Occurrence]] = {}
         alive = set(reading.pieces)
-        for kept in (self._layouts, self._formatted, self._names):
+        for kept in (self._layouts, self._formatted, self._names, self._named):
             for piece in [p for p in kept if p not in alive]:
                 del kept[piece]
 
@@ -165,26 +188,71 @@ class Answers:
             if lines[k + 1] >= first and (last is None or line <= last):
                 yield k, line
 
-    def places(self, place: int) -> list[Span]:
-        """Return all places of the name at a character in this text."""
-        k = self.reading.at(place)
-        found = at(self.occurrences(k), place - self.reading.starts[k])
-        if found is None or found.declared is None:
-            return []
-        place_of, text = _identity(found.declared), self.reading.pieces[k].source.text[found.start : found.end]
-        words = {text, found.declared.text}
-        return [
-            Span(self.reading.source, self.reading.starts[j] + o.start, self.reading.starts[j] + o.end)
-            for j, piece in enumerate(self.reading.pieces) if not words.isdisjoint(piece.words)
-            for o in self.occurrences(j) if o.declared is not None and _identity(o.declared) == place_of
-        ]  # fmt: skip
+    def named(self, k: int) -> list[Named]:
+        """Return the names of a piece that are declared somewhere."""
+        piece, uses = self.reading.pieces[k], self.reading.uses[k]
+        kept = self._named.get(piece)
+        if kept is None or kept[0] != uses:
+            found = [(o, o.declared) for o in self.occurrences(k) if o.start < o.end]  # what is missing has no name
+            kept = self._named[piece] = uses, [self._of(k, o, span) for o, span in found if span is not None]
+        return kept[1]
+
+    def _of(self, k: int, o: Occurrence, declared: Span) -> Named:
+        j = self.reading.number.get(id(declared.source))
+        if j is None:
+            return Named(o.start, o.end, declared.source.name, declared.start, declared.text)
+        where = OWN if j == k else self.reading.used[k].index(j)
+        return Named(o.start, o.end, where, self.reading.pieces[j].in_declarations(declared.start), declared.text)
+
+    def declared(self, place: int) -> Declared | None:
+        """Return where the name at a character is declared; None where there is none."""
+        reading = self.reading
+        k = reading.at(place)
+        own = place - reading.starts[k]
+        found = max((n for n in self.named(k) if n.start <= own <= n.end), key=lambda n: n.start, default=None)
+        if found is None:
+            return None
+        written = reading.pieces[k].source.text[found.start : found.end]
+        if isinstance(found.where, str):
+            return Declared(found.where, found.place, found.where, found.place, (written, found.text))
+        j = k if found.where == OWN else reading.used[k][found.where]
+        at = reading.starts[j] + reading.pieces[j].in_text(found.place)
+        return Declared(j, found.place, reading.source.name, at, (written, found.text))
+
+    def places(self, declared: Declared) -> list[Span]:
+        """Return all places of what is declared there in this text."""
+        reading, found = self.reading, []
+        for k, piece in enumerate(reading.pieces):
+            if piece.words.isdisjoint(declared.words):
+                continue
+            where: str | int | None = declared.where
+            if isinstance(where, int):
+                used = reading.used[k]
+                where = OWN if where == k else used.index(where) if where in used else None
+            found += [Span(reading.source, reading.starts[k] + n.start, reading.starts[k] + n.end)
+                      for n in self.named(k) if (n.where, n.place) == (where, declared.place)]  # fmt: skip
+        return found
+
+
+@dataclass(frozen=True)
+class Declared:
+    """Where something is declared.
+
+    Attributes
+    ----------
+    where, place : the piece of this text and where in its declarations; or the file and where in it
+    file, start : the file, and where in its whole text
+    words : what it is called
+    """
+
+    where: str | int
+    place: int
+    file: str
+    start: int
+    words: tuple[str, ...]
 
 
 _NOWHERE = Scope(None, None, Report(), False)  # the outline asks for no scopes
-
-
-def _identity(span: Span) -> tuple[int, int]:
-    return id(span.source), span.start
 
 
 def _names_of(analysis: Analysis, names: list[Occurrence]) -> Names:

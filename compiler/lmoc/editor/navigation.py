@@ -38,12 +38,14 @@ def references(own: Known, offset: int, others: Iterable[Known]) -> list[Span]:
     if found is None or found.declared is None:
         return []
     place = place_of(found.declared)
-    spans = []
-    for one in (own, *others):
-        for o in one.names:
-            if o.declared is not None and place_of(o.declared) == place:
-                spans.append(Span(one.analysis.source, o.start, o.end))
-    return spans
+    return [span for one in (own, *others) for span in places(one, place)]
+
+
+def places(one: Known, declared: tuple[str, int]) -> list[Span]:
+    """Return all places in a text of what is declared somewhere (`analysis.place_of`)."""
+    source = one.analysis.source
+    return [Span(source, o.start, o.end) for o in one.names
+            if o.declared is not None and place_of(o.declared) == declared]  # fmt: skip
 
 
 def location(span: Span) -> Path:

@@ -55,17 +55,42 @@ class Piece:
         return re.sub(r"[^\n]", " ", self.source.text)
 
     @cached_property
+    def _bodies(self) -> list[tuple[int, int]]:
+        """Where equations and statements begin and end."""
+        if not self.right:
+            return []
+        return sorted((item.span.start, item.span.end) for c in with_inner(self.file.classes)
+                      for body in _BODIES for item in getattr(c, body))  # fmt: skip
+
+    @cached_property
     def declarations(self) -> str:
         """The text without equations and statements: all that other classes can know of its classes."""
-        if not self.right:
-            return self.source.text
-        spans = sorted((item.span.start, item.span.end) for c in with_inner(self.file.classes)
-                       for body in _BODIES for item in getattr(c, body))  # fmt: skip
         kept, done = [], 0
-        for start, end in spans:
+        for start, end in self._bodies:
             kept.append(self.source.text[done:start])
             done = end
         return "".join([*kept, self.source.text[done:]])
+
+    def in_declarations(self, place: int) -> int:
+        """Return where a character stands in the declarations; less than 0, and different, where it does not."""
+        gone = 0
+        for start, end in self._bodies:
+            if place < start:
+                break
+            if place < end:
+                return -1 - place
+            gone += end - start
+        return place - gone
+
+    def in_text(self, place: int) -> int:
+        """Return where in the text a character of the declarations stands: `in_declarations` the other way round."""
+        if place < 0:
+            return -1 - place
+        for start, end in self._bodies:
+            if place < start:
+                break
+            place += end - start
+        return place
 
     @cached_property
     def words_of_declarations(self) -> frozenset[str]:
@@ -92,6 +117,11 @@ class Reading:
         return [0, *accumulate(len(p.source.text) for p in self.pieces)]
 
     @cached_property
+    def number(self) -> dict[int, int]:
+        """Which piece has a text, by the identity of its source."""
+        return {id(p.source): k for k, p in enumerate(self.pieces)}
+
+    @cached_property
     def lines(self) -> list[int]:
         """The line, counted from 0, with which each piece begins."""
         return [0, *accumulate(p.source.text.count("\n") for p in self.pieces)]
@@ -116,15 +146,24 @@ class Reading:
 
     def here(self, span: Span) -> Span | None:
         """Return where something that stands in a piece stands in the text; None where it is in another text."""
-        k = next((k for k, p in enumerate(self.pieces) if p.source is span.source), None)
+        k = self.number.get(id(span.source))
         return None if k is None else Span(self.source, span.start + self.starts[k], span.end + self.starts[k])
 
     @cached_property
     def uses(self) -> list[tuple[str, ...]]:
         """For each piece the declarations on which the meaning of its names can depend: equal ones, equal meanings."""
         everything = tuple(p.source.text for p in self.pieces)
-        reached = self._reached([p.words_of_declarations for p in self.pieces])
-        return [everything if r is None else tuple(self.pieces[j].declarations for j in sorted(r)) for r in reached]
+        return [everything if self._reached_by_declarations[k] is None
+                else tuple(self.pieces[j].declarations for j in used) for k, used in enumerate(self.used)]  # fmt: skip
+
+    @cached_property
+    def used(self) -> list[list[int]]:
+        """For each piece those whose declarations these are, in the same order."""
+        return [[*range(len(self.pieces))] if r is None else sorted(r) for r in self._reached_by_declarations]
+
+    @cached_property
+    def _reached_by_declarations(self) -> list[frozenset[int] | None]:
+        return self._reached([p.words_of_declarations for p in self.pieces])
 
     @cached_property
     def needs(self) -> list[frozenset[int] | None]:

@@ -150,12 +150,18 @@ def definition(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
 @server.thread()
 @feature(lsp.TEXT_DOCUMENT_REFERENCES)
 def references(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
-    own = ls.of(params.text_document.uri)
-    place = offset(own.analysis.source, params.position)
-    found = navigation.references(own, place, ls.others(params.text_document.uri, _word(own, place)))
-    declared = navigation.definition(own, place)
-    if not params.context.include_declaration and declared is not None:
-        found = [s for s in found if (s.source.name, s.start) != (declared.source.name, declared.start)]
+    uri = params.text_document.uri
+    with ls.answering:
+        answers = ls.answers(uri)
+        declared = answers.declared(offset(answers.reading.source, params.position))
+        found = [] if declared is None else answers.places(declared)
+    if declared is None:
+        return []
+    place = declared.file, declared.start
+    for one in ls.others(uri, *declared.words):
+        found += navigation.places(one, place)
+    if not params.context.include_declaration:
+        found = [s for s in found if (s.source.name, s.start) != place]
     return [_location(s) for s in found]
 
 
@@ -164,18 +170,20 @@ def references(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
 def highlights(ls: Server, params: lsp.DocumentHighlightParams) -> list[lsp.DocumentHighlight]:
     with ls.answering:
         answers = ls.answers(params.text_document.uri)
-        found = answers.places(offset(answers.reading.source, params.position))
+        declared = answers.declared(offset(answers.reading.source, params.position))
+        found = [] if declared is None else answers.places(declared)
     return [lsp.DocumentHighlight(span_range(s)) for s in found]
 
 
 @feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
 def prepare_rename(ls: Server, params: lsp.PrepareRenameParams) -> lsp.Range | None:
-    own = ls.of(params.text_document.uri)
+    analysis, place = ls.quick(params.text_document.uri, params.position)
     try:
-        found = renamable(own, offset(own.analysis.source, params.position))
+        found = renamable(Known(analysis, occurrences(analysis, place)), place)
     except RenameRefused:
         return None
-    return span_range(Span(own.analysis.source, found.start, found.end))
+    here = ls.reading(params.text_document.uri).here(Span(analysis.source, found.start, found.end))
+    return None if here is None else span_range(here)
 
 
 @feature(lsp.TEXT_DOCUMENT_RENAME, lsp.RenameOptions(prepare_provider=True))

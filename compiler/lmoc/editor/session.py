@@ -155,7 +155,7 @@ class Server(LanguageServer):
         for folder in sorted(folders):
             yield from (p for p in sorted(folder.rglob("*")) if p.suffix in SUFFIXES)
         if uri is not None and Path(path_of(uri)).parent.is_dir():
-            around = top_folder(Path(path_of(uri)), self.of(uri).analysis.file)
+            around = top_folder(Path(path_of(uri)), self.reading(uri).file)
             yield from (p for p in sorted(around.glob("*")) if p.suffix in SUFFIXES)
             for folder in (p for p in sorted(around.glob("*")) if package_file(p) is not None):
                 yield from (p for p in sorted(folder.rglob("*")) if p.suffix in SUFFIXES)
