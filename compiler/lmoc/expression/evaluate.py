@@ -48,26 +48,47 @@ def evaluate_together(roots: tuple[Expr, ...], column: Callable[[int, int], Any]
 
 
 def _values(roots: tuple[Expr, ...], column: Callable[[int, int], Any], time: Any) -> list[Any]:
-    values: list[Any] = []
-    steps, ends = _steps(roots)
-    for node, operation, places in steps:
-        values.append(_leaf(node, column, time) if operation is None else operation(*[values[k] for k in places]))
+    filled, slots, operations, ends = _steps(roots)
+    values = filled.copy()
+    for place, (k, order) in slots:
+        values[place] = column(k, order) if k >= 0 else time
+    for place, operation, a, b, c in operations:  # spelled out by the number of arguments: nothing runs more often
+        if c >= 0:
+            values[place] = operation(values[a], values[b], values[c])
+        elif b >= 0:
+            values[place] = operation(values[a], values[b])
+        else:
+            values[place] = operation(values[a])
     return [values[k] for k in ends]
 
 
-_Step = tuple[Expr, Callable[..., Any] | None, tuple[int, ...]]
+_Operation = tuple[int, Callable[..., Any], int, int, int]
 
 
 @cache
-def _steps(roots: tuple[Expr, ...]) -> tuple[tuple[_Step, ...], tuple[int, ...]]:
-    """Return each node with its operation and the places of its arguments, and the places of the roots.
+def _steps(
+    roots: tuple[Expr, ...],
+) -> tuple[list[Any], tuple[tuple[int, tuple[int, int]], ...], tuple[_Operation, ...], tuple[int, ...]]:
+    """Return how to compute the nodes of some shapes, kept with these.
 
-    Leaves have no operation. Kept with the nodes.
+    Returns
+    -------
+    filled : a value for each node, the constants with theirs
+    slots : the place of each slot, with its arguments; -1 stands for the time
+    operations : place and operation of each other node in order, and the places of its arguments; -1 without
+    ends : the places of the roots
     """
     nodes = list({id(node): node for root in roots for node in postorder(root)}.values())
     place = {id(node): k for k, node in enumerate(nodes)}
-    steps = tuple((n, OPERATIONS[n.op] if n.args else None, tuple(place[id(a)] for a in n.args)) for n in nodes)
-    return steps, tuple(place[id(root)] for root in roots)
+    filled = [node.value if node.op == "const" else None for node in nodes]
+    slots, operations = [], []
+    for k, node in enumerate(nodes):
+        if node.args:
+            a, b, c = (*(place[id(arg)] for arg in node.args), -1, -1)[:3]
+            operations.append((k, OPERATIONS[node.op], a, b, c))
+        elif node.op != "const":
+            slots.append((k, (-1, 0) if node.op == "time" else node.value))
+    return filled, tuple(slots), tuple(operations), tuple(place[id(root)] for root in roots)
 
 
 def _leaf(node: Expr, column: Callable[[int, int], Any], time: Any) -> Any:

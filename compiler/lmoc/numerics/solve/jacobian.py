@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lmoc.expression.evaluate import evaluate
+from lmoc.expression.evaluate import evaluate_quietly
 from lmoc.ir.program import Total
 from lmoc.lower.chain_rule import ChainRule, Implicit, Product
 from lmoc.numerics.solve.newton import dense_solve, shortest_solution
@@ -40,7 +40,8 @@ def _multiply(stage: Product, v: np.ndarray, w: np.ndarray, time) -> None:
         n = len(step.out)
         factors = np.empty((len(stage.partials) * n, *tail))
         for k, (derivative, _) in enumerate(stage.partials):
-            factors[k * n : (k + 1) * n] = evaluate(derivative, lambda c, _: w.take(step.slots[:, c], axis=0), time)
+            own = evaluate_quietly(derivative, lambda c, _: w.take(step.slots[:, c], axis=0), time)
+            factors[k * n : (k + 1) * n] = own
     terms = factors[stage.which] * v[stage.source]
     v[stage.first : stage.stop] = terms if stage.single else np.add.reduceat(terms, stage.start, axis=0)
 
