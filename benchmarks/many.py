@@ -14,6 +14,7 @@ import argparse
 import ctypes
 import os
 import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -22,38 +23,10 @@ import numpy as np
 
 from benchmarks.common import native, save, table
 
-PENDULUMS = """model Pendulums
-  import Planar.*;
-  parameter Integer n = 10;
-  inner World world;
-  Ground ground[n];
-  Revolute shoulder[n](phi(each start = 0, each fixed = true), omega(each start = 0, each fixed = true));
-  Bar upper[n](each l = 1, each m = 1);
-  Revolute elbow[n](phi(each start = 1, each fixed = true), omega(each start = 0, each fixed = true));
-  Bar lower[n](each l = 0.7, each m = 0.5);
-equation
-  for i in 1:n loop
-    connect(ground[i].frame, shoulder[i].a);
-    connect(shoulder[i].b, upper[i].a);
-    connect(upper[i].b, elbow[i].a);
-    connect(elbow[i].b, lower[i].a);
-  end for;
-end Pendulums;
-"""
-PAIRS = """model Pairs
-  parameter Integer n = 10;
-  Fixed wall;
-  CubicSpring inner_[n](k = {1 + 0.5*sin(i) for i in 1:n});
-  CubicSpring outer_[n](k = {2 + 0.5*cos(i) for i in 1:n});
-  Mass mass[n](each m = 1, q(each start = 1, each fixed = true), v(each start = 0, each fixed = true));
-equation
-  for i in 1:n loop
-    connect(wall.flange, inner_[i].a);
-    connect(inner_[i].b, outer_[i].a);
-    connect(outer_[i].b, mass[i].flange);
-  end for;
-end Pairs;
-"""
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from oracles.copies import PAIRS, PENDULUMS  # noqa: E402
+
+ALIKE = PENDULUMS.replace("l = {1 + 0.1*i for i in 1:n}", "each l = 1")  # as in the C by hand
 
 
 def by_hand() -> ctypes.CDLL:
@@ -127,7 +100,7 @@ def main() -> None:
     i = np.arange(1, n + 1)
     k1, k2, between = 1 + 0.5 * np.sin(i), 2 + 0.5 * np.cos(i), np.full(n, 0.5)
     rows = [
-        compare("double pendulums", PENDULUMS,
+        compare("double pendulums", ALIKE,
                 ["shoulder[{}].phi", "shoulder[{}].omega", "elbow[{}].phi", "elbow[{}].omega"],
                 lambda x, f: library.pendulums(number, x, f), n, arguments.repeat),
         compare("pairs of cubic springs", PAIRS, ["mass[{}].q", "mass[{}].v"],

@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-import lmoc
+from oracles.fmu import exported
 
 ROOT = Path(__file__).parents[1]
 KINDS = "notes", "hard", "laws", "planar", "textbook"
@@ -36,10 +36,8 @@ def checked(path: Path, fmi: int, seeds: int) -> str:
     """What is to be said of one model, beginning with WRONG where something is."""
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "scene.fmu"
-        try:
-            lmoc.compile(path).export(target, fmi=fmi)
-        except lmoc.ModelError as error:
-            return f"refused: {error.diagnostics[-1].message[:120]}"
+        if refused := exported(path, target, fmi):
+            return refused
         words = [sys.executable, "-c", _ONE, str(Path(__file__).parent), str(target), str(seeds)]
         done = subprocess.run(words, capture_output=True, text=True, timeout=600)
     said = "; ".join(line for line in done.stdout.splitlines() if not line.startswith("[")).strip("; ")

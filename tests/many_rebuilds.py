@@ -19,7 +19,7 @@ import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 
-import lmoc
+from oracles.fmu import exported
 
 ROOT = Path(__file__).parents[1]
 KINDS = "notes", "hard", "laws", "planar"
@@ -91,10 +91,8 @@ def checked(path: Path, fmi: int) -> str:
     """What is to be said of one model, beginning with WRONG where something is."""
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "scene.fmu"
-        try:
-            lmoc.compile(path).export(target, fmi=fmi)
-        except lmoc.ModelError as error:
-            return f"refused: {error.diagnostics[-1].message[:120]}"
+        if refused := exported(path, target, fmi):
+            return refused
         other, said = rebuilt(target, fmi, Path(folder) / "rebuilt")
         if said:
             return said if said.startswith("WRONG") else f"WRONG the compiler says {said[:300]}"

@@ -11,6 +11,17 @@ from pathlib import Path
 
 import numpy as np
 
+import lmoc
+
+
+def exported(model: Path, target: Path, fmi: int) -> str:
+    """Export a model; return why it is refused, nothing where it is not."""
+    try:
+        lmoc.compile(model).export(target, fmi=fmi)
+    except lmoc.ModelError as error:
+        return f"refused: {error.diagnostics[-1].message[:120]}"
+    return ""
+
 
 def instance(path, kind="CoSimulation", **more):
     """An instance that has been set up but not initialized; and value references by name."""
