@@ -47,7 +47,7 @@ def place(
         at = _run_until(session, float(at), parameters)
     if isinstance(at, Run):
         prepared, moment = _last_point(session, at, parameters)
-        return _in_mode(session, prepared, moment, at) if prepared.flat.laws else (prepared, moment)
+        return _in_mode(session, prepared, at) if prepared.flat.laws else (prepared, moment)
     if at is not None and not isinstance(at, Mapping):
         expected = "a time, {name: value}, an equilibrium or a run"
         raise TypeError(f"at is {expected}, not {type(at).__name__} {at!r:.40}")
@@ -80,11 +80,11 @@ def _of_laws(
     states = {n: v for n, v in given.items() if n not in prepared.inputs}
     loads = {n: given.get(n, 0.0) for n in prepared.inputs}
     run = simulate(session, Request(RunOptions(times=[begin]), None, states, loads))
-    mode, moment = _in_mode(session, prepared, _moment(run, prepared.inputs), run)
+    mode, moment = _in_mode(session, prepared, run)
     return mode, moment.values
 
 
-def _in_mode(session: Session, prepared: Prepared, moment: Moment, run: Run) -> tuple[Prepared, Moment]:
+def _in_mode(session: Session, prepared: Prepared, run: Run) -> tuple[Prepared, Moment]:
     """Return the scene in the mode in which a run has ended, and the states that it has there."""
     mode = run.end.mode
     held = session.lawful(prepared).in_mode(mode.closed, np.where(mode.closed, 0, mode.direction))

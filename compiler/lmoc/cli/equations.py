@@ -49,7 +49,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
         print(page(f"Equations of motion: {dae.name}", found.html()))
     else:
-        given = f"deviations from {_rest(dae, rest)}" if rest is not None else names(found.coordinates)
+        given = f"deviations from {_rest(rest)}" if rest is not None else names(found.coordinates)
         print(f"{dae.name}: {_counted(found)}" + (f" in {given}" if given else ""))
         print()
         print(found.text(ascii=arguments.ascii))
@@ -74,7 +74,7 @@ def equilibrium(dae: DAE, n: int | None) -> Equilibrium:
     return rests[0]
 
 
-def _rest(dae: DAE, rest: Equilibrium) -> str:
+def _rest(rest: Equilibrium) -> str:
     """Describe the reference point of the deviations: the coordinates that are not zero there."""
     from lmoc.symbolic.notation import Notation
 

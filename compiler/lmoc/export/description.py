@@ -41,7 +41,7 @@ def model_description(
     if fmi == 2:
         root.set("numberOfEventIndicators", str(sum(v.place == Place.INDICATOR for v in own.variables)))
     _kinds(root, fmi, types, identifier, sources)
-    _units(root, fmi, own.variables)
+    _units(root, own.variables)
     categories = Xml.SubElement(root, "LogCategories")
     for name in _CATEGORIES:
         Xml.SubElement(categories, "Category", {"name": name})
@@ -86,7 +86,7 @@ def _kinds(root: Xml.Element, fmi: int, types: tuple[str, ...], identifier: str,
                     Xml.SubElement(files, "File", {"name": source})
 
 
-def _units(root: Xml.Element, fmi: int, variables: tuple[Variable, ...]) -> None:
+def _units(root: Xml.Element, variables: tuple[Variable, ...]) -> None:
     units = list(dict.fromkeys(["s", *(v.unit for v in variables if v.unit)]))
     found = Xml.SubElement(root, "UnitDefinitions")
     for text in units:

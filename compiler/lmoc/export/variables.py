@@ -124,7 +124,7 @@ def listed(
             else:
                 continue
             found.append(Variable(said[0], *own, *said[1:], derivative_of.get(i, -1) if own[0] == Place.STATE else -1))
-    found += _helpers(plan, found, seen, inputs, input_of, derivative_of)
+    found += _helpers(plan, found, seen, input_of, derivative_of)
     return tuple(found + _indicators(found, (*events.indicator_texts, *more)))
 
 
@@ -161,7 +161,6 @@ def _helpers(
     plan: Plan,
     found: list[Variable],
     seen: set[int],
-    inputs: np.ndarray,
     input_of: dict[int, int],
     derivative_of: dict[int, int],
 ) -> list[Variable]:

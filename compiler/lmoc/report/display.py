@@ -42,9 +42,6 @@ class Display:
         return value / self.by_unit[unit][1] if unit in self.by_unit else value
 
 
-SI = Display({})
-
-
 def display(units: str | Iterable[str] | None) -> Display:
     """Return how to show quantities.
 

@@ -155,12 +155,12 @@ class _Section(Algorithm):
             leaf = self.context.leaves[value.expr.value[0]]
             pre = self.context.leaves.slot(self.drafts.helpers.pre(variable), leaf.index)
             return Value(pre, value.dims, value.type)
-        start = number(self._start(variable, span), value.type)
+        start = number(self._start(variable), value.type)
         for size in reversed(value.dims):
             start = stack([start] * size)
         return start
 
-    def _start(self, variable: Variable, span: Span) -> float:
+    def _start(self, variable: Variable) -> float:
         binding = variable.attributes.get("start")
         if binding is None:
             return 1.0 if getattr(variable.type, "literals", ()) else 0.0

@@ -59,7 +59,7 @@ def plot(chart: Findings, path: str | Path | None = None) -> Figure:
         rail, axis = figure.subplots(2, 1, height_ratios=[above, 6.0])
         styles = _styles(chart)
         _frontiers(axis, chart, styles)
-        _chosen(axis, chart, styles)
+        _chosen(axis, chart)
         _band(axis, chart)
         _rail(rail, failed, styles)
         axis.set_xlabel("error: largest deviation, relative to each signal's largest value")
@@ -154,7 +154,7 @@ def spread(heights: Sequence[float], apart: float) -> list[float]:
     return [total / count + i * apart for total, count in groups for i in range(int(count))]
 
 
-def _chosen(axis: Axes, chart: Findings, styles: dict[str, Style]) -> None:
+def _chosen(axis: Axes, chart: Findings) -> None:
     """Mark what `auto` has chosen by rings, with the requested tolerances."""
     good = [p for p in chart.points if p.ok and p.setting.solver == "auto" and p.error > 0]
     good = [p for p in good if p.setting.formulation == "reduced"] or good

@@ -189,7 +189,7 @@ class TimeStepping:
         for force, value in zip(self.forces, (impulse / h).tolist(), strict=True):
             force.ends.append(end)
             force.values.append(value)
-        self._record(end, state, closed, np.where(table.complementary, impulse, 0.0), lost, after)
+        self._record(end, state, closed, np.where(table.complementary, impulse, 0.0), lost)
         return _State(end, x, gap, after, closed)
 
     def _impulses(
@@ -259,7 +259,7 @@ class TimeStepping:
                     return False
         return True
 
-    def _record(self, t: float, state: _State, closed: Mask, impulse: Array, lost: Array, rate: Array) -> None:
+    def _record(self, t: float, state: _State, closed: Mask, impulse: Array, lost: Array) -> None:
         bounced = ~closed & (impulse > 0.0) & ~state.closed
         for k in np.flatnonzero((closed != state.closed) | bounced).tolist():
             name, laws = self.rows[k]

@@ -288,7 +288,6 @@ class Integration(ABC):
     steps, rejected : counted so far
     step_size : s, the step it would try next, infinity where it does not tell
     wanted : s, the earliest time at which values between steps will be requested; the loop sets it
-    made_jump : the state has been changed from outside, so that nothing remembered of the past holds
     looks : places of a step at which coordinates are looked at. The steps of a high order may lead from one good
         place to another across places where other coordinates are needed, of which nothing is seen at their ends
     series : where the last step begins, the order of its polynomial and the address of the coefficients for C; None
@@ -300,7 +299,6 @@ class Integration(ABC):
     before: float
     step_size: float = np.inf
     wanted: float = np.inf
-    made_jump = False
     looks = 1
     series: Callable[[], tuple[float, int, int]] | None = None
     matrix = ""

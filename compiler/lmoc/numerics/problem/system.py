@@ -87,13 +87,11 @@ class System(ABC):
     n : number of integrated components
     description : how it is evaluated, for the statistics of a run
     evaluations, jacobians : calls so far
-    root_count : number of root functions
     given : what `prepare` has been called with
     most_steps : steps that are still cheap beside what another method needs to begin
     """
 
     description = ""
-    root_count = 0
     most_steps = 10_000
 
     def __init__(self, plan: Plan) -> None:
@@ -159,7 +157,7 @@ class System(ABC):
         """Write the entries of ∂f/∂x in the order of `pattern` into `out`."""
 
     def roots(self, t: float, x: np.ndarray) -> np.ndarray:
-        """Return the values of the root functions, (root_count,)."""
+        """Return the values of the root functions."""
         return np.zeros(0)
 
     def jacobian(self, t: float, x: np.ndarray) -> np.ndarray:

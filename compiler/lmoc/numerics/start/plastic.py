@@ -70,7 +70,7 @@ def plastic_impact(system: StartSystem, group: np.ndarray, start: GaussNewtonRes
     ----------
     group : rows that are missed and depend on each other
     """
-    rows, states, jacobian = _involved(system, group, start)
+    rows, states, jacobian = _involved(group, start)
     if not len(states) or (rows >= len(system.targets)).any() or not system.hard[rows].all():
         return None
     names = [f"{parent(system.name(k))}.energy" for k in rows.tolist()]
@@ -93,9 +93,7 @@ def plastic_impact(system: StartSystem, group: np.ndarray, start: GaussNewtonRes
     return PlasticImpact(rows, states, start.x[states] + step, system.value[rows] + missed, lost)
 
 
-def _involved(
-    system: StartSystem, group: np.ndarray, start: GaussNewtonResult
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _involved(group: np.ndarray, start: GaussNewtonResult) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return all rows that share states with a group, these states, and the block of the Jacobian."""
     row, column, value = (part[start.jacobian[2] != 0.0] for part in start.jacobian)
     rows, before = group, -1

@@ -113,7 +113,7 @@ def _arguments(context: Context, function: Scope, call: tree.Call) -> dict[str, 
     """Return the argument of each input, defaults included."""
     inputs = _inputs(function)
     given: dict[str, tuple[Value, Span]] = {}
-    for name, argument in _pairs(list(inputs), function, call):
+    for name, argument in _pairs(list(inputs), call):
         if name in given:
             raise Wrong("E0217", f"the argument '{name}' is given twice", call.span)
         given[name] = context.value(argument), argument.span
@@ -131,7 +131,7 @@ def _arguments(context: Context, function: Scope, call: tree.Call) -> dict[str, 
     return {name: given[name] for name in inputs}
 
 
-def _pairs(names: list[str], function: Scope, call: tree.Call) -> Iterator[tuple[str, tree.Expression]]:
+def _pairs(names: list[str], call: tree.Call) -> Iterator[tuple[str, tree.Expression]]:
     if len(call.arguments) > len(names):
         raise Wrong("E0217", f"'{call.function}' is called with {len(call.arguments)} arguments", call.span,
                     expected=", ".join(names), found=str(len(call.arguments)))  # fmt: skip

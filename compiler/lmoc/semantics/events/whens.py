@@ -283,7 +283,7 @@ class WhenEquation:
                 raise Wrong("E0256", f"'{place.text}' is no continuous variable: 'reinit' sets states", place)
             self._claim("given a new value by 'reinit'", leaf, place)
             shape = context.space.shape + t.dims
-            active = self._guard(context, guard, e.span)
+            active = self._guard(guard, e.span)
             leaves, (expr,) = compact(context.leaves.items, v.expr)
             columns = {"guard": flat_column(context.leaves[active.value[0]], shape), "target": flat_column(leaf, shape)}
             slots = tuple(flat_column(one, shape) for one in leaves)
@@ -298,7 +298,7 @@ class WhenEquation:
             raise Wrong("E0254", f"'{span.text}' is {what} in two 'when's", span, labels=(Label(earlier, "also here"),),
                         hint="one 'when' with 'elsewhen' says which of them counts where both happen")  # fmt: skip
 
-    def _guard(self, context: Context, guard: Expr, span: Span) -> Expr:
+    def _guard(self, guard: Expr, span: Span) -> Expr:
         return guard if guard.op == "slot" else self._helper(f"guard of {span.text}", guard, span)
 
 

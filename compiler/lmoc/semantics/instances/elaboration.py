@@ -169,7 +169,7 @@ class Elaboration:
         if component.condition is not None and not self._present(instance, component, scope):
             return Absent(component.name, instance, (), component, scope)
         resolved = scope.type_of(component)
-        self._check_constraint(member, component, scope, resolved)
+        self._check_constraint(member, component, resolved)
         for short, where in resolved.steps:
             modifier = mods.merge(modifier, self._of_short_class(short, instance, where), component.name)
         dims = self._dimensions(instance, component, scope, resolved, modifier)
@@ -209,7 +209,7 @@ class Elaboration:
             declared = Modifier(declared.value, declared.inside, True, None, component.name_span)
         return mods.merge(modifier, declared, name)
 
-    def _check_constraint(self, member: Member, component: tree.Component, scope: Scope, resolved: Resolved) -> None:
+    def _check_constraint(self, member: Member, component: tree.Component, resolved: Resolved) -> None:
         """A redeclared component must be a subtype of what it stands for."""
         if component.type is not member.component.type:
             base, _ = constraint_of(member.component)

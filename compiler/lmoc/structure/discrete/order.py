@@ -47,7 +47,7 @@ def discrete_steps(flat: FlatDAE, report: Report) -> tuple[DiscreteStep, ...]:
     if events is None:
         return ()
     rules = [_Rule(r.op, r.zero, r.slots, r.target, k) for k, r in enumerate(events.relations)]
-    wanted, itself = unknowns(flat, events), np.arange(flat.count)
+    wanted, itself = unknowns(events), np.arange(flat.count)
     rules += _assignments(flat, events.equations, wanted, itself, report)
     report.check()
     _report_undetermined(flat, np.setdiff1d(wanted, np.concatenate([wanted[:0], *(r.target for r in rules)])), report)
@@ -97,7 +97,7 @@ def _remembered(flat: FlatDAE, events: Events) -> np.ndarray:
     return found
 
 
-def unknowns(flat: FlatDAE, events: Events) -> np.ndarray:
+def unknowns(events: Events) -> np.ndarray:
     """Discrete variables that equations must determine."""
     given = [events.before[1], np.array([events.initial, events.terminal])]
     given += [r.target for r in events.relations] + [s.target for s in events.samples]

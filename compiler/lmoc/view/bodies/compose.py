@@ -105,7 +105,7 @@ def _at(run: Trajectory, at: int) -> Callable[[str], float]:
 def _directions(graph: Graph) -> dict[int, Direction]:
     """The direction of each node's coordinate, as in the picture of the scene."""
     found: dict[int, Direction] = {}
-    for strip in strips_of(graph, graph.elements, "line"):
+    for strip in strips_of(graph.elements, "line"):
         gravity = gravity_of(strip, graph)
         found |= dict.fromkeys(strip.nodes, RIGHT if not gravity else DOWN if gravity > 0 else UP)
     return found

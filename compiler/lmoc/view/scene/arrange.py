@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from lmoc.view.scene.elements import Element, Graph
+from lmoc.view.scene.elements import Element
 from lmoc.view.scene.strip import Strip
 
 JOINTS = (
@@ -13,7 +13,7 @@ JOINTS = (
 )  # fmt: skip
 
 
-def strips_of(graph: Graph, elements: Iterable[Element], domain: str) -> list[Strip]:
+def strips_of(elements: Iterable[Element], domain: str) -> list[Strip]:
     """Return the strips of one domain, "line" or "shaft".
 
     A wall holds what is connected to it, but joins nothing: each strip has its own piece of it, and a piece on each

@@ -28,21 +28,21 @@ def attach(plane: Plane, elements: Sequence[Element]) -> list[Element]:
     for carrier in plane.elements:
         flange, shaft = carrier.port("flange"), carrier.port("shaft")
         if flange is not None and flange.domain == "line":
-            strip = _strip_at(plane, elements, "line", flange.node)
-            if strip is not None and _fits(plane, strip):
+            strip = _strip_at(elements, "line", flange.node)
+            if strip is not None and _fits(strip):
                 done |= _along(plane, carrier, strip)
         if shaft is not None and shaft.domain == "shaft":
-            strip = _strip_at(plane, elements, "shaft", shaft.node)
+            strip = _strip_at(elements, "shaft", shaft.node)
             if strip is not None:
                 done |= _about(plane, carrier, strip, shaft.node)
-    return [e for e in elements if e.name not in done and not _only_holds(plane, e, elements, done)]
+    return [e for e in elements if e.name not in done and not _only_holds(e, elements, done)]
 
 
-def _strip_at(plane: Plane, elements: Sequence[Element], domain: str, node: int) -> Strip | None:
-    return next((s for s in strips_of(plane.graph, elements, domain) if node in s.nodes), None)
+def _strip_at(elements: Sequence[Element], domain: str, node: int) -> Strip | None:
+    return next((s for s in strips_of(elements, domain) if node in s.nodes), None)
 
 
-def _only_holds(plane: Plane, element: Element, elements: Sequence[Element], done: set[str]) -> bool:
+def _only_holds(element: Element, elements: Sequence[Element], done: set[str]) -> bool:
     """Return whether it is a wall whose elements have all been drawn."""
     if element.symbol not in ("wall", "fixed-shaft"):
         return False
@@ -51,7 +51,7 @@ def _only_holds(plane: Plane, element: Element, elements: Sequence[Element], don
     return all(e.name in done for e in others) and bool(others)
 
 
-def _fits(plane: Plane, strip: Strip) -> bool:
+def _fits(strip: Strip) -> bool:
     return not strip.hubs and not strip.frames
 
 

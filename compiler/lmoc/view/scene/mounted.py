@@ -112,7 +112,7 @@ def draw_mounted(
     return (_rack if element.symbol == "rack" else _cam)(element, shaft, strip, hanging)
 
 
-def _turned(element: Element, line: Line, shaft: Turning, hanging: Hanging) -> Turning:
+def _turned(element: Element, shaft: Turning, hanging: Hanging) -> Turning:
     """The shaft, counted such that a positive radius moves what is on its right along +q."""
     ratio = hanging.style.names.graph.value(element, "r", 1.0)
     return replace(shaft, sense=-1 if ratio < 0 else 1)
@@ -121,7 +121,7 @@ def _turned(element: Element, line: Line, shaft: Turning, hanging: Hanging) -> T
 def _rack(element: Element, shaft: Turning, strip: Strip | None, hanging: Hanging) -> Block:
     """A pinion at (0, 0), and the rack on its right as one looks along +q."""
     line = line_of(element.port("flange").node, strip, hanging)
-    shaft = _turned(element, line, shaft, hanging)
+    shaft = _turned(element, shaft, hanging)
     window = {UP: LEFT, DOWN: LAST}.get(line.direction, ALL_ROUND)
     items, legs = decorated(shaft, hanging.style, PINION, line.direction[0] == 0, held=True, window=window)
     corners = [line.ahead(x * RACK, y * THICK) for x, y in CORNERS]

@@ -72,8 +72,8 @@ class Schematic:
 
     def __init__(self, graph: Graph, elements: Sequence[Element], style: Style) -> None:
         self.graph, self.elements, self.style = graph, elements, style
-        self.lines = strips_of(graph, elements, "line")
-        self.shafts = strips_of(graph, elements, "shaft")
+        self.lines = strips_of(elements, "line")
+        self.shafts = strips_of(elements, "shaft")
         for strip in self.shafts:
             strip.shaft = True
         by_node = {n: s for s in self.lines for n in s.nodes}
