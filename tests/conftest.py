@@ -24,8 +24,8 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # every structure that a stage hands on is checked (in child processes too) where tests are about the stages, or about
-# scenes of their own; what others compile has been checked there, and compiles a third faster without
-CHECKED = {"expression", "ir", "lower", "scenes", "semantics", "sources", "structure", "syntax", "wrong"}
+# random scenes; what others compile is of a kind that has been checked there, and compiles a third faster without
+CHECKED = {"expression", "ir", "lower", "semantics", "sources", "structure", "syntax", "wrong"}
 
 # hundreds of processes are started, each of which would compile the package where bytecode is not to be written
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -68,7 +68,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    os.environ["LMOC_CHECK"] = str(int(item.path.parent.name in CHECKED))
+    checked = item.path.parent.name in CHECKED or item.path.name.startswith("test_random")
+    os.environ["LMOC_CHECK"] = str(int(checked))
 
 
 class Answer(NamedTuple):

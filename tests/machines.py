@@ -70,7 +70,7 @@ class Machine:
     environment : variables in addition
     built : options of the C compiler with which the engine is built, after its own; none for the engine that is there
     same : whether its arithmetic is that of the first machine, so that all bits are the same
-    busy : whether others keep it busy
+    busy : how many processes keep it busy
     warm : whether it finds the cache that the first machine has left
     """
 
@@ -78,7 +78,7 @@ class Machine:
     environment: tuple[tuple[str, str], ...] = ()
     built: str = ""
     same: bool = False
-    busy: bool = False
+    busy: int = 0
     warm: bool = False
 
 
@@ -93,7 +93,7 @@ def machines() -> list[Machine]:
     return [
         Machine("this one, cold cache", same=True),
         Machine("warm cache", same=True, warm=True),
-        Machine("busy, cold cache", same=True, busy=True),
+        Machine("busy, cold cache", same=True, busy=BUSY),
         Machine("2 threads", (("OPENBLAS_NUM_THREADS", "2"),), same=True, warm=True),
         *(Machine(f"hash seed {k}", (("PYTHONHASHSEED", str(k)),), same=True, warm=True) for k in (1, 2)),
         *(Machine(k, (("OPENBLAS_CORETYPE", k),), warm=True) for k in kernels),
@@ -144,7 +144,7 @@ def answers(machine: Machine, cases: Sequence[Case], place: Path) -> list[Answer
             environment["PYTHONPATH"] = str(_built(own / "built", machine.built))
         environment |= dict(machine.environment)
         command = [sys.executable, str(ROOT / "tests/oracles/outcomes.py"), str(own / "cases"), str(own / "answers")]
-        with _kept_busy(BUSY if machine.busy else 0):
+        with _kept_busy(machine.busy):
             done = subprocess.run(command, env=environment, capture_output=True, text=True)
         lines = (own / "answers").read_text().splitlines() if (own / "answers").exists() else []
         if done.returncode or len(lines) != len(cases):

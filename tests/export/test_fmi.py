@@ -100,6 +100,7 @@ def driven(tmp_path_factory):
     return dae, {fmi: dae.export(folder / f"driven{fmi}.fmu", fmi=fmi) for fmi in (3, 2)}
 
 
+@pytest.mark.usefixtures("fixed_parameters")
 @pytest.mark.parametrize(
     ("name", "fmi"),
     [("notes/ex05_suspension", 3), ("hard/h02_double_pendulum", 2), ("planar/slider_crank", 3),
@@ -205,6 +206,7 @@ def test_a_start_value_can_be_set(driven) -> None:
     assert found["x"][-1] == pytest.approx(run["x"][-1], rel=1e-7)
 
 
+@pytest.mark.usefixtures("fixed_parameters")
 def test_saving_a_state_is_no_part_of_the_motion(tmp_path) -> None:
     """A run in which a state was saved and one in which none was have the same bits: closures of loops are not solved
     anew, and factors keep their order of pivots."""
@@ -434,7 +436,7 @@ def test_sources_rebuild_to_the_same(driven, tmp_path) -> None:
     assert (found["x"] == expected["x"]).all()
 
 
-def test_without_a_compiler_there_are_sources(monkeypatch, tmp_path, capsys) -> None:
+def test_without_a_compiler_there_are_sources(monkeypatch, tmp_path, capsys, icons) -> None:
     from lmoc.cli.main import main
 
     monkeypatch.setenv("LMOC_CC", "")

@@ -17,6 +17,7 @@ from lmoc.export.fmu import find_compiler
 fmpy = pytest.importorskip("fmpy")
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="there is no C compiler")
 
+as_it_is = pytest.mark.usefixtures("fixed_parameters")
 MODELS = Path(__file__).parents[2] / "models/laws"
 SLIDER = """
 model Slider "a block that breaks away, slides against a stop, and whose pull is switched off"
@@ -252,6 +253,7 @@ def test_a_saved_state_goes_on_to_the_bit(made) -> None:
     fmu.freeInstance()
 
 
+@as_it_is
 def test_what_is_closed_stays_closed_in_the_plane(tmp_path) -> None:
     """A string has a gap that is not linear in the states there; contact friction has the normal force for a limit."""
     for dae in (lmoc.compile(MODELS / "h07_ball_on_string.lmo"), lmoc.compile_text(THROWN)):
@@ -321,6 +323,7 @@ def test_what_a_parameter_moves_is_open_or_refused(tmp_path) -> None:
         fmu.freeInstance()
 
 
+@as_it_is
 def test_a_string_in_a_linkage_stops_its_rocker(tmp_path) -> None:
     """The closures of its loop are solved by iteration: also where the laws are judged, wherever a step has led."""
     text = (MODELS.parent / "planar/four_bar.lmo").read_text(encoding="utf-8")
@@ -339,6 +342,7 @@ def test_a_string_in_a_linkage_stops_its_rocker(tmp_path) -> None:
     fmu.freeInstance()
 
 
+@as_it_is
 @pytest.mark.parametrize(
     "text, kind, fmi",
     [(ROW, "ModelExchange", 3), (AMONG, "ModelExchange", 2), (AMONG, "CoSimulation", 3), (ROW, "CoSimulation", 2)],

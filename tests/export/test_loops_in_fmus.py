@@ -15,6 +15,7 @@ from lmoc.export.fmu import find_compiler
 fmpy = pytest.importorskip("fmpy")
 pytestmark = pytest.mark.skipif(find_compiler() is None, reason="there is no C compiler")
 
+as_it_is = pytest.mark.usefixtures("fixed_parameters")
 MODELS = Path(__file__).parents[2] / "models"
 RTOL = 1e-6
 PENDULUM = """
@@ -137,6 +138,7 @@ def test_a_state_saved_in_the_middle_goes_on_to_the_bit(pendulum) -> None:
         fmu.freeInstance()
 
 
+@as_it_is
 def test_a_crank_passes_near_its_change_point(tmp_path) -> None:
     """Turns of a four-bar, whose crossed branch is close by."""
     dae = lmoc.compile(MODELS / "hard/h03_four_bar.lmo")
@@ -207,6 +209,7 @@ end Slowed;
 """
 
 
+@as_it_is
 @pytest.mark.parametrize(
     ("fmi", "text", "by_angle", "happens"),
     [(2, IN_X_AND_Y, BY_ANGLE, 4),  # thrown up backwards against friction and a torque, it comes to rest at a wall
@@ -241,6 +244,7 @@ equation connect(road.flange, s.a); connect(s.b, m.flange); connect(road.flange,
 """
 
 
+@as_it_is
 @pytest.mark.parametrize(
     ("fmi", "parts"),
     [(2, ("input", " = if time < 0.9 then 0.2*time else 0.18 - 0.5*(time - 0.9)", "", "")),  # the pivot turns back

@@ -99,7 +99,7 @@ def test_a_solution_that_comes_back_is_found_again(monkeypatch):
     patient = Newton.solve
     monkeypatch.setattr(Newton, "solve", lambda self, *a: searches.append(self.patient) or patient(self, *a))
     text = "model M Real x(start=0, fixed=true), y(start=1); equation der(x) = cos(time); y^2 = 0.8 - x; end M;"
-    run = lmoc.compile_text(text).simulate(stop=10, points=101)
+    run = lmoc.compile_text(text).simulate(stop=4, points=41)
     searches.clear()
     y, exact = run["y"], 0.8 - run["x"]
     there = exact > 0.05

@@ -2,7 +2,9 @@
 
 import json
 from pathlib import Path
+from random import Random
 
+import mpmath
 import sympy as sp
 
 from lmoc.symbolic.system import SymbolicSystem, jet_symbol
@@ -56,5 +58,27 @@ def by_hand(name: str) -> SymbolicSystem:
     )
 
 
+def at_random_points(*expressions) -> list[list]:
+    """Values at three places, of 60 digits: expressions that differ do so at almost every place (Schwartz, Zippel)."""
+    own = [sp.sympify(e) for e in expressions]
+    symbols = sorted(set().union(*(e.free_symbols for e in own)), key=str)
+    random, found = Random(1), []
+    with mpmath.workdps(60):
+        compute = sp.lambdify(symbols, own, "mpmath")
+        for _ in range(3):
+            found.append(compute(*(mpmath.mpf(random.randint(2, 2000)) / 999 for _ in symbols)))
+    return found
+
+
 def equal(a, b) -> bool:
-    return sp.simplify(sp.sympify(a) - sp.sympify(b)) == 0
+    """Whether two expressions, or matrices of them, are the same function of their symbols."""
+    if isinstance(a, sp.MatrixBase):
+        return a.shape == b.shape and all(equal(*pair) for pair in zip(a, b, strict=True))
+    within = 1e-13 if sp.Tuple(a, b).has(sp.Float) else 1e-30
+    return a == b or all(abs(x - y) <= within * (1 + abs(x)) for x, y in at_random_points(a, b))
+
+
+def proportional(a, b) -> bool:
+    """Whether two expressions are the same but for a number that is not zero."""
+    ratios = [x / y for x, y in at_random_points(a, b)]
+    return ratios[0] != 0 and all(abs(r - ratios[0]) <= 1e-30 * abs(ratios[0]) for r in ratios)

@@ -15,10 +15,10 @@ RATES = {  # formula, and what it is at a value of x
     "difference": (" - ".join(f"sin({k}*x)" for k in range(N)), lambda x: -sum(math.sin(k * x) for k in range(N))),
     "product": ("*".join(["x", *["(1 + 1e-4*sin(x))"] * N]), lambda x: x * (1 + 1e-4 * math.sin(x)) ** N),
     "quotient": ("/".join(["x", *["(1 + 1e-4*sin(x))"] * N]), lambda x: x / (1 + 1e-4 * math.sin(x)) ** N),
-    "and": (f"if {' and '.join(f'x > -{k}' for k in range(N))} then 2*x else 1", lambda x: 2 * x),
+    "and": (f"noEvent(if {' and '.join(f'x > -{k}' for k in range(N))} then 2*x else 1)", lambda x: 2 * x),
     "or": (f"if {' or '.join(f'x > {k}' for k in range(10, N))} then 2*x else 1", lambda x: 1),
     "branches": (
-        f"if x > 1e9 then 1 {' '.join(f'elseif x > {N - k}.5 then {k}' for k in range(N))} else -x",
+        f"noEvent(if x > 1e9 then 1 {' '.join(f'elseif x > {N - k}.5 then {k}' for k in range(N))} else -x)",
         lambda x: -x,
     ),
 }

@@ -116,7 +116,7 @@ def _compiled(k):
     return KEPT[k]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.integers(0, len(SCENES) - 1), st.data())
 def test_lanes_have_the_bits_of_single_runs(k, data):
     scene, (many, single) = SCENES[k], _compiled(k)
