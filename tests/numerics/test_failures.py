@@ -11,15 +11,18 @@ import lmoc
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import ModelError, RunInterrupted, SimulationError
 from lmoc.numerics.events.hybrid_dynamics import HybridDynamics
+from lmoc.numerics.failures.flood import Flood
 from lmoc.numerics.options.options import ADAPTIVE, MOREAU, SOLVERS, RunOptions
 from lmoc.numerics.problem import base
 from lmoc.numerics.run.one_segment import SegmentSolver
+from lmoc.numerics.run.segments import _Run
 from lmoc.numerics.run.simulate import simulate
 from lmoc.numerics.steps import loop
 from lmoc.numerics.steps.choice import table
 from lmoc.numerics.steps.roots import RootFinder
 from lmoc.numerics.sundials import sundials
 
+LAWS = Path(__file__).parents[2] / "models" / "laws"
 every_solver = pytest.mark.parametrize("solver", ADAPTIVE)
 
 
@@ -338,11 +341,33 @@ def test_an_interruption_between_a_step_and_the_search_for_its_roots(solver, mon
             raise KeyboardInterrupt
         return found
 
+    monkeypatch.setattr(_Run, "_through_laws", lambda run, x: (x, False))  # which looks for roots in C
     monkeypatch.setattr(RootFinder, "first", interrupted)
     with pytest.raises(RunInterrupted) as stopped:
         ball.simulate(stop=3.0, solver=solver, points=301)
     partial = stopped.value.partial
     assert partial.time[-1] <= stopped.value.time <= 0.2**0.5 * 2.8 and partial["m.q"].min() > -1e-12
+
+
+def test_an_interruption_while_segments_follow_each_other_in_c(monkeypatch):
+    """What has been made is taken, and the run ends there."""
+    ball = lmoc.compile(LAWS / "h19_bouncing_ball.lmo")
+    whole, count, calls = ball.simulate(), Flood.count, []
+
+    def interrupted(flood, time, records):
+        calls.append(time)
+        if len(calls) == 5:
+            signal.raise_signal(signal.SIGINT)
+        count(flood, time, records)
+
+    monkeypatch.setattr(Flood, "count", interrupted)
+    with pytest.raises(RunInterrupted) as stopped:
+        ball.simulate()
+    partial, end = stopped.value.partial, stopped.value.time
+    assert 5 <= len(partial.events) and end == calls[-1]
+    assert partial.events == whole.events[: len(partial.events)]
+    np.testing.assert_array_equal(partial["y"][:-1], whole["y"][: len(partial.time) - 1])
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 @every_solver

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -34,11 +35,14 @@ class Recorder:
         self.times = times
         self.reached = 0
         self._evaluate = None if variables is None else observer.prepare(variables)
-        n = len(observer.plan.states)
+        self._states = n = len(observer.plan.states)
         # the pages of an array that is never written to cost nothing
         self.table = np.empty((len(times), n if variables is None else len(variables)))
-        self._samples = sampled_places(len(times), n)
         self._sampled = None if variables is None else np.empty((len(self._samples), n))
+
+    @cached_property
+    def _samples(self) -> np.ndarray:
+        return sampled_places(len(self.times), self._states)
 
     def __call__(self, first: int, states: np.ndarray) -> None:
         last = first + len(states)
@@ -74,6 +78,8 @@ class Recorder:
 
     def sampled(self) -> tuple[np.ndarray, np.ndarray]:
         """Return some output times (s,), evenly spread, and the states there (s, n)."""
+        if not self.reached:  # as from bounce to bounce
+            return self.times[:0], np.empty((0, self._states))
         own = self._samples[self._samples < self.reached]
         return self.times[own], self.table[own] if self._sampled is None else self._sampled[: len(own)]
 

@@ -87,7 +87,8 @@ def check_values(segment: Segment, outcome: Outcome, everything: bool, report: R
     if report.says(Subject.NOT_FINITE) or not len(times):
         return
     rows = suspects(segment.observer, times, recorder.table) if everything else np.zeros(0, int)
-    if segment.plan.once(moving_risks).others or not everything:
+    risks = segment.plan.once(moving_risks)
+    if risks.others or (len(risks.registers) and not everything):
         rows = np.append(rows, len(times) - 1)
     for k in rows.tolist():
         time, x, near = float(times[k]), None, None

@@ -48,8 +48,15 @@ def is_plain(plan: Plan) -> bool:
     )
 
 
-def through_laws(task: Task, segment: Segment, solver: SegmentSolver, now: HybridDynamics) -> ThroughLaws | None:
-    """Return what goes through segments of a run; None where each of them is looked at in Python."""
+def through_laws(
+    task: Task, segment: Segment, solver: SegmentSolver, now: HybridDynamics, variables: np.ndarray | None
+) -> ThroughLaws | None:
+    """Return what goes through segments of a run; None where each of them is looked at in Python.
+
+    Parameters
+    ----------
+    variables : that are kept; None for the states
+    """
     system, laws = segment.system, now.laws
     if laws is None or not segment.plan.once(is_plain) or task.occasions is not None or now.stepping.next < np.inf:
         return None
@@ -60,14 +67,16 @@ def through_laws(task: Task, segment: Segment, solver: SegmentSolver, now: Hybri
     tapes = *(kernel.tape for kernel, _ in every), *laws.kinematics.scene.tapes
     if any(block.pattern is not None for tape in tapes for block in tape.blocks):
         return None  # pivots are of the place where they were chosen, which a segment that is made again has changed
-    return ThroughLaws(task, segment, solver, now)
+    return ThroughLaws(task, segment, solver, now, variables)
 
 
 class ThroughLaws:
     """Goes through segments of a run that have one plan."""
 
-    def __init__(self, task: Task, segment: Segment, solver: SegmentSolver, now: HybridDynamics) -> None:
-        self.task, self.system, self.solver, self.now = task, segment.system, solver, now
+    def __init__(
+        self, task: Task, segment: Segment, solver: SegmentSolver, now: HybridDynamics, variables: np.ndarray | None
+    ) -> None:
+        self.task, self.system, self.solver, self.now, self.variables = task, segment.system, solver, now, variables
         self.series, n = segment.system.with_series(TaylorSystem), segment.system.n
         self._atol, self._rtol = np.zeros(n), max(solver.tolerances.rtol, FINEST)
         memory = np.zeros((2, n)), np.zeros((2, n, LENGTH))
@@ -111,13 +120,14 @@ class ThroughLaws:
             segment.largest = past.largest[k]
             segment.recorder.reached = min(segment.recorder.reached, last - first)
             done = segment.recorder.reached
-            segment.recorder(done, table[first + done : last])
+            if first + done < last:
+                segment.recorder(done, table[first + done : last])
             now.pass_by(time, told, mode)
             count(time, now.records)
             records.append(segment.record())
             if k + 1 < past.count:
                 observer = Observer(segment.plan, task.values, past.base[k + 1], now.signals)
-                segment = Segment(observer, self.system, time, task.span.times, began.first + last, None)
+                segment = Segment(observer, self.system, time, task.span.times, began.first + last, self.variables)
                 segment.mode, segment.rounding, first = mode, rounding, last
         now.laws.run.forget_after(time)
         if records:

@@ -153,9 +153,7 @@ class _Run:
     def _segment_from(self, x: np.ndarray) -> Outcome:
         """Integrate the current segment; where it is interrupted outside of the integration, nothing of it is left."""
         try:
-            stopped: list[object] = []
-            with on_interrupt(lambda *_: stopped.append(None)):  # what C has made is taken as a whole
-                x = self._through_laws(x)
+            x, stopped = self._through_laws(x)
             if stopped:
                 raise KeyboardInterrupt
             return self._integrate(x, self.segment.begin)
@@ -164,25 +162,32 @@ class _Run:
             self.segment.recorder.forget_after(begin)
             return Outcome(begin, x, 0, interruption())
 
-    def _through_laws(self, x: np.ndarray) -> np.ndarray:
-        """Go through segments that laws end in C; return the states where the one begins that Python is to look at."""
+    def _through_laws(self, x: np.ndarray) -> tuple[np.ndarray, bool]:
+        """Go through segments that laws end, in C.
+
+        Returns
+        -------
+        the states where the segment begins that Python is to look at; whether somebody has interrupted it on the way
+        """
         segment, now = self.segment, self.dynamics
-        if now is None or now.laws is None or self.assertions is not None or self.variables is not None:
-            return x
+        if now is None or now.laws is None or self.assertions is not None:
+            return x, False
         if self._in_c is None or self._in_c[0] is not segment.plan:
             from lmoc.numerics.run.law_segments import through_laws
 
-            self._in_c = segment.plan, through_laws(self.task, segment, self.solver, now)
+            self._in_c = segment.plan, through_laws(self.task, segment, self.solver, now, self.variables)
         through = self._in_c[1]
         if through is None or segment.watch is not None or not self.solver.along_series(segment):
-            return x
-        passed, last, time, x = through(segment, x, self.longest, self.flood.count)
-        if passed:
-            self.segments += passed
-            self.segment = last
-            self._begin(time)
-            self.segment.recorder.record_start(time, x)
-        return x
+            return x, False
+        stopped: list[object] = []
+        with on_interrupt(lambda *_: stopped.append(None)):  # what C has made is taken as a whole
+            passed, last, time, x = through(segment, x, self.longest, self.flood.count)
+            if passed:
+                self.segments += passed
+                self.segment = last
+                self._begin(time)
+                self.segment.recorder.record_start(time, x)
+        return x, bool(stopped)
 
     def _joined(self, outcome: Outcome, started: float) -> Trajectory:
         """Return the segments so far as one trajectory, with statistics and notes."""
