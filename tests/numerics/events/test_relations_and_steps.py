@@ -16,3 +16,17 @@ def test_relations_are_no_part_of_the_motion_that_a_step_is_asked_of() -> None:
     assert run["n"] == pytest.approx([0, 2, 3, 4])
     assert run["y"] == pytest.approx([0.5, 2.5, 5, 12])
     assert run["v"] == pytest.approx([1, 1, 1, 2])
+
+
+def test_a_stiff_state_is_known_as_well_late_in_a_long_run() -> None:
+    """v follows a square wave within 1e-10 s and crosses 0.5 at each edge, 1e-3 on either side.
+
+    Its rate is a difference of terms of 5e9, known to 5e-7 alone: over 1990 s that would add up to 2e-3.
+    """
+    run = lmoc.compile_text(
+        """model M Real v(start = 0.499, fixed = true); Integer n(start = 0, fixed = true);
+        equation der(v) = 1e10*(0.5 + (if mod(time, 200) < 100 then 1e-3 else -1e-3) - v);
+        when v > 0.5 then n = pre(n) + 1; end when; end M;"""
+    ).simulate(times=[50, 350, 1150, 1990])
+    assert run["n"] == pytest.approx([1, 2, 6, 10])
+    assert run["v"] == pytest.approx([0.501, 0.499, 0.499, 0.499], abs=1e-6)

@@ -20,6 +20,7 @@ from lmoc.ir.flat import Kind
 from lmoc.numerics.evaluate.function import watched
 from lmoc.numerics.events.happened import Happened, NotAState
 from lmoc.numerics.events.layout import EventLayout, initial_values
+from lmoc.numerics.events.stiff_states import at_once, going_back
 from lmoc.numerics.events.tables import PlanTables
 from lmoc.numerics.events.trials import prefer_regular
 from lmoc.numerics.limits import ULP
@@ -27,6 +28,8 @@ from lmoc.numerics.observe.one_state import moved as moved_to
 from lmoc.numerics.observe.one_state import places_under
 from lmoc.numerics.signals.signals import Signal
 
+_FORGIVEN = 1e-10  # of the largest state: what states may be off by without being asked whether they forget it
+_ASKED = 64  # states that are asked at once
 _REMEMBERED = ("v", "zero", "margin", "largest", "high", "crossed", "early")
 
 
@@ -216,10 +219,27 @@ class DiscreteState:
         count, passed = self.layout.zero_count, t - self._begun
         rates = _finite(self.layout.rounding(w, t))[count:]
         way = _finite(np.fmax(np.abs(x), passed * np.abs(w[plan.derivatives]))) if passed > 0 else np.zeros(len(x))
-        self.instant.bound[:] = _finite(self.layout.rounding(w, t, (plan.states, ULP * way + 2.0 * passed * rates)))[
-            :count
-        ]
+        off = self._remembered(w, t, rates, ULP * way + 2.0 * passed * rates)
+        self.instant.bound[:] = _finite(self.layout.rounding(w, t, (plan.states, off)))[:count]
         self.instant.way[:] = way
+
+    def _remembered(self, w: np.ndarray, t: float, rates: np.ndarray, off: np.ndarray) -> np.ndarray:
+        """Return by how much states are off that may be off by so much, without what they have forgotten.
+
+        Where a state that is off goes back by itself (a stiff damper), its error is what its rate is off by in the
+        time that this takes: not what has been added up since the start. Few are asked, where it is worth a look.
+        """
+        states = self.layout.plan.states
+        some = np.flatnonzero(off > _FORGIVEN * np.abs(w[states]).max(initial=0.0))
+        some = some[np.argsort(-off[some], kind="stable")[: min(_ASKED, at_once(self.layout))]]
+        if not len(some):
+            return off
+        back = going_back(self.layout, self.layout.rounding.beside(w, t, states[some], off[some]), some, off[some])
+        found = off.copy()
+        with np.errstate(all="ignore"):
+            kept = 2.0 * rates[some] / back + ULP * np.abs(w[states[some]])
+            found[some] = np.where(back > 0, np.fmin(off[some], kept), off[some])
+        return found
 
     def registers(self, t: float, x: np.ndarray) -> np.ndarray:
         """Return (layout.count,) registers with all that is given at a place."""

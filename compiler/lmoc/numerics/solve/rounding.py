@@ -56,6 +56,23 @@ class Rounding:
                 self._step(step, w, off, time)
         return off[self._registers]
 
+    def beside(self, w: np.ndarray, time: float, inputs: np.ndarray, by: np.ndarray) -> np.ndarray:
+        """Return the registers where each of the inputs is moved alone to both sides, (2, inputs, count), as changes.
+
+        Parameters
+        ----------
+        w : (count,) registers with all that the program does not fill itself
+        inputs, by : registers, and how far each is moved
+        """
+        n = len(inputs)
+        own, columns = np.arange(n), np.repeat(w[:, None], 2 * n + 1, axis=1)
+        columns[inputs, own] += by
+        columns[inputs, n + own] -= by
+        self._interpreter.reset()
+        self._interpreter.run(columns, np.full(2 * n + 1, time))
+        with np.errstate(invalid="ignore"):
+            return (columns[:, :-1] - columns[:, -1:]).T.reshape(2, n, len(w))
+
     def _step(self, step: Step, w: np.ndarray, off: np.ndarray, time: float) -> None:
         if isinstance(step, Apply):
             off[step.out] = shape_rounding(step.shape, w[step.slots], off[step.slots], time)
