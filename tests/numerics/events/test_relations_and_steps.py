@@ -30,3 +30,20 @@ def test_a_stiff_state_is_known_as_well_late_in_a_long_run() -> None:
     ).simulate(times=[50, 350, 1150, 1990])
     assert run["n"] == pytest.approx([1, 2, 6, 10])
     assert run["v"] == pytest.approx([0.501, 0.499, 0.499, 0.499], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "solver, rate, drive, rtol, crossings",
+    [
+        ("auto", 1e6, "0.3*time", 1e-4, 1),
+        ("cvode", 1e10, "1.5 + 1e-3*cos(time)", 1e-9, 1),
+        ("auto", 1e8, "if time < 9.999 then 1.4 else 1.5 + 0.1*sin(62831.853071795865*(time - 9.999))", 1e-6, 10),
+    ],
+)
+def test_a_stiff_state_crosses_a_level_as_often_as_what_it_follows(solver, rate, drive, rtol, crossings) -> None:
+    """What a step may be off by is no crossing; what the drive does within a moment is one."""
+    run = lmoc.compile_text(
+        f"""model M Real v; Integer n(start = 0, fixed = true); initial equation v = {drive};
+        equation der(v) = {rate}*(({drive}) - v); when v > 1.5 then n = pre(n) + 1; end when; end M;"""
+    ).simulate(stop=10, points=2, rtol=rtol, solver=solver)
+    assert run["n"][-1] == crossings

@@ -15,10 +15,11 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.numerics.events.chatter import too_low, too_often, where
 from lmoc.numerics.events.closeness import located, near_to
-from lmoc.numerics.events.discrete_state import DiscreteState
+from lmoc.numerics.events.discrete_state import DiscreteState, differ
 from lmoc.numerics.events.happened import Happened, NotAState
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import moving_relations
+from lmoc.numerics.events.stiff_states import noise
 from lmoc.numerics.events.trials import leave_fold
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
@@ -33,10 +34,11 @@ if TYPE_CHECKING:
 
 _PHASE = 200.0  # rad, that a sine in a condition goes on in a step at most
 _LOOKS = 120  # steps at least in a run with relations of time that are not linear in it
+_SHORTLY = 1e-3  # of the run, within which a function that crosses zero again may not have left it
 _KINDS = {WHEN: "when", START: "when", TIME: "time", TERMINAL: "terminal"}
 
 Step = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # as `stepping.Stepping`
-HandlerMemory = tuple[EventLayout, dict[str, np.ndarray], tuple[np.ndarray, np.ndarray, float, float]]
+HandlerMemory = tuple[EventLayout, dict[str, np.ndarray], tuple[np.ndarray, np.ndarray, float, float], float]
 Starter = Callable[[np.ndarray], np.ndarray]  # (registers that do not change) -> states at the start
 
 
@@ -75,6 +77,7 @@ class EventHandler:
         self.report = report
         self.records: list[Event] = []
         self._walk = EventWalk(self.layout.zero_count, *span)
+        self._turned = span[0]  # s, of the latest event that has changed the motion
         self._bind()
 
     def _bind(self) -> None:
@@ -92,7 +95,7 @@ class EventHandler:
 
     def memory(self) -> HandlerMemory:
         """Return what decides about the next instant, for `recall`."""
-        return self.layout, self.discrete.memory(), self._walk.memory()
+        return self.layout, self.discrete.memory(), self._walk.memory(), self._turned
 
     def recall(
         self, memory: HandlerMemory, values: np.ndarray, base: np.ndarray, change: np.ndarray, since: float
@@ -106,7 +109,7 @@ class EventHandler:
         change : (discrete,) what is added to the discrete values
         since : s, a time between this instant and the one before it
         """
-        layout, discrete, walk = memory
+        layout, discrete, walk, self._turned = memory
         if layout is not self.layout:
             self.layout = layout
             self.discrete.adopt(layout, base)
@@ -220,8 +223,12 @@ class EventHandler:
         """s, so that relations of time that are not linear in it are looked at often enough."""
         return longest_step(self.discrete, self.end - self.begin)
 
-    def after(self, outcome: Outcome) -> np.ndarray | None:
+    def after(self, outcome: Outcome, errors: np.ndarray | float = 0.0) -> np.ndarray | None:
         """Do what happens where a segment has ended; return the states behind it, None at the end of the run.
+
+        Parameters
+        ----------
+        errors : (states,) what the integrator has allowed itself in a step; 0 where something else happens as well
 
         Raises
         ------
@@ -231,12 +238,33 @@ class EventHandler:
         is_root = outcome.status is Status.ROOT
         if is_root:
             crossed, upwards = self._crossed(outcome.roots)
+            real = self._left_zero(t, x, crossed, errors)
+            crossed, upwards, is_root = crossed[real], upwards[real], bool(real.any()) or not len(real)
+            if not is_root and t < self.until - near_to(t):
+                return x
+        if is_root:
             walk.which[:] = 0.0
             walk.which[crossed] = np.where(upwards, 2.0, 1.0)
             self._returning = crossed[t - walk.times[crossed, -1] <= located(t, self.begin)]
             folds = bool(len(self._returning))
         found = self._asked(t, lambda: walk.after(t, x, is_root, outcome.step, folds))
         return None if found == OVER else x
+
+    def _left_zero(self, t: float, x: np.ndarray, crossed: np.ndarray, errors: np.ndarray | float) -> np.ndarray:
+        """Return which of the functions that cross zero have been further away from it than steps leave open.
+
+        What has not is where it was, until it is so far on the other side. Where the event before has changed the
+        motion, it may well have sent a function back.
+        """
+        instant, last, span = self.discrete.instant, self._walk.times[crossed, -1], self.end - self.begin
+        again = (last > self._turned) & (t - last <= _SHORTLY * span) & ~self.layout.rounded[crossed]
+        if not again.any() or np.ndim(errors) == 0:
+            return np.ones(len(crossed), bool)
+        w, rate = self.discrete.registers(t, x), self.discrete.motion(t, x)[0]
+        left_open = noise(self.layout, w, t, rate, errors, span)[crossed]
+        again &= instant.largest[crossed] <= left_open
+        instant.margin[crossed[again]] = np.fmax(instant.margin[crossed], left_open)[again]
+        return ~again
 
     def _fold(self, t: float, x: np.ndarray) -> bool:
         """Take other values of relations that cross zero again at an instant, if there are any."""
@@ -286,10 +314,18 @@ class EventHandler:
             behind = self.step(t, given, before[:count], discrete.base[:count])
             if behind is not given:
                 x[:], walk.data.jumped = behind, 1
+        if walk.data.jumped or self._turns_the_motion():
+            self._turned = t
         discrete.inputs(t)
         self._warn_of_lost(t)
         self._report(t, _KINDS[walk.data.kind], discrete.happened(), held, lost)
         return True
+
+    def _turns_the_motion(self) -> bool:
+        """Return whether an event has changed what the equations of the motion read."""
+        own = self.layout.rounded_by
+        held = self._walk.held[np.searchsorted(self.layout.events.discrete, own)]
+        return bool(differ(held, self.discrete.v[own]).any())
 
     def _energy(self, t: float, x: np.ndarray) -> float:
         """Book what energy a jump to states has cost as heat, what it has brought as work; return the loss."""

@@ -387,7 +387,8 @@ class HybridDynamics:
         of_laws = outcome.roots[: self._law_roots] if root else np.zeros(self._law_roots, bool)
         if self.laws is not None:
             self.laws.allow(unresolved, errors)
-        if self.laws is not None and (of_laws.any() or stepped):
+        alone = not (of_laws.any() or stepped)
+        if self.laws is not None and not alone:
             x, events = self.laws.happen(t, x, of_laws, jumped=stepped)
             self.records += events
         if self.handler is None:
@@ -396,7 +397,8 @@ class HybridDynamics:
         self._renew_discrete()
         crossed = outcome.roots[self._law_roots :] if root else None
         early = stepped and not root and t < self.handler.until - near_to(t)  # it is not the end of the run
-        behind = None if early else self.handler.after(replace(outcome, x=x, roots=crossed))
+        own = replace(outcome, x=x, roots=crossed)
+        behind = None if early else self.handler.after(own, errors if alone else 0.0)
         if behind is None and stepped:
             behind = self.handler.settle(t, x)
         self._collect()
