@@ -18,7 +18,7 @@ WORD_OPERATORS = ("and", "not", "or")
 CONSTANTS = ("true", "false")
 TYPES = ("Real", "Integer", "Boolean", "String", "StateSelect", "AssertionLevel")
 FUNCTIONS = (
-    "abs", "acos", "acosh", "asin", "asinh", "assert", "atan", "atan2", "atanh", "cardinality", "cat", "ceil",
+    "abs", "acos", "acosh", "array", "asin", "asinh", "assert", "atan", "atan2", "atanh", "cardinality", "cat", "ceil",
     "change", "cos", "cosh", "cross", "delay", "der", "diagonal", "div", "edge", "exp", "fill", "floor",
     "getInstanceName", "homotopy", "identity", "integer", "linspace", "log", "log10", "matrix", "max", "min", "mod",
     "ndims", "noEvent", "ones", "outerProduct", "pre", "product", "reinit", "rem", "rooted", "sample", "scalar",

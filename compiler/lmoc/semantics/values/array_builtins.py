@@ -10,7 +10,7 @@ from lmoc.expression import dag
 from lmoc.semantics.mistakes.wrong import OutOfRange, Wrong, check_size
 from lmoc.semantics.nodes.instance import InstanceNode
 from lmoc.semantics.values.builtins import arguments, builtin, numbers
-from lmoc.semantics.values.constructors import column_of_numbers, comprehension, concatenated
+from lmoc.semantics.values.constructors import column_of_numbers, comprehension, concatenated, join
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.reference import find_start, locate
 from lmoc.semantics.values.translate import changes, matrix_product, need_number, sizes_differ
@@ -196,6 +196,13 @@ def _constant_array(context: Context, call: tree.Call) -> Value:
     dims = [_size_of_array(context, v, e) for v, e in zip(sizes, call.arguments)]
     check_size(prod(dims), "this array", call.span)
     return _filled(number(call.function.parts[0].name == "ones", "Integer"), dims)
+
+
+@builtin("array")
+def _array(context: Context, call: tree.Call) -> Value:
+    """``array(a, b, …)`` is ``{a, b, …}`` (10.4)."""
+    items = arguments(context, call, 1, max(1, len(call.arguments)))
+    return join(context, items, [place.span for place in call.arguments])
 
 
 @builtin("fill")

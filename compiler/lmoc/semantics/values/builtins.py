@@ -104,23 +104,26 @@ def _extreme(context: Context, call: tree.Call) -> Value:
     name = call.function.parts[0].name
     values = arguments(context, call, 1, 2)
     for value, place in zip(values, call.arguments):
-        if value.type in ("String", "Boolean") or value.type != values[0].type:
+        if value.type == "String" or value.type != values[0].type:
             need_number(value, place.span)
             need_number(values[0], call.arguments[0].span)
         if isinstance(place, tree.Comprehension) and len(value.dims) > len(place.indices):
             raise Wrong("E0302", f"'{name}' takes single values", place.span, found="an array")
-    warn_kink(context, f"{name}(…)", call.span, *values)
+    of_truth = values[0].type == "Boolean"  # false is less than true (3.5)
+    op = {"min": "and", "max": "or"}[name] if of_truth else name
+    if not of_truth:
+        warn_kink(context, f"{name}(…)", call.span, *values)
     if len(values) == 2:
         x, y = values
         if x.dims or y.dims:
             raise Wrong("E0302", f"'{name}' of two arguments takes single values", call.span)
-        return Value(dag.function(name, x.expr, y.expr), (), common_type(values))
+        return Value(dag.function(op, x.expr, y.expr), (), x.type if of_truth else common_type(values))
     scalars = context.arrays.scalars(values[0])
     if not scalars:
         raise Wrong("E0302", f"'{name}' of an empty array", call.span)
     result = scalars[0].expr
     for item in scalars[1:]:
-        result = dag.function(name, result, item.expr)
+        result = dag.function(op, result, item.expr)
     return Value(result, (), values[0].type)
 
 

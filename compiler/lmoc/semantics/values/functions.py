@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial, reduce
 
+import numpy as np
+
+from lmoc.expression import dag
 from lmoc.messages.diagnostics import nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.hints import visible
@@ -20,7 +24,7 @@ from lmoc.semantics.values.dimensions import DimensionType, dimension_type
 from lmoc.semantics.values.formals import declared_in, has_gap, in_order_of_use, mismatch, sizes, widened
 from lmoc.semantics.values.given_rates import with_rates
 from lmoc.semantics.values.reference import find_start, step
-from lmoc.semantics.values.translate import dims_text
+from lmoc.semantics.values.translate import changes, choose, dims_text
 from lmoc.semantics.values.unit_inference import has_unit
 from lmoc.semantics.values.value import Arrays, Value, number, record, stack
 from lmoc.syntax import tree
@@ -70,12 +74,16 @@ def apply(context: Context, function: Scope, values: list[Value], e: tree.Call) 
 
 
 def _literal(context: Context, e: tree.Call, enumeration: DimensionType) -> Value:
-    """``E(2)``: the second literal of an enumeration (4.9.5.3)."""
+    """``E(2)``: the second literal of an enumeration (4.9.5.3); no value where a number that changes is beyond them."""
     if len(e.arguments) != 1 or e.named:
         raise Wrong("E0217", f"'{e.function}' takes the number of a literal", e.span)
     x, place = context.value(e.arguments[0]), e.arguments[0].span
     if x.type != "Integer" or x.dims:
         raise Wrong("E0301", "the number of a literal is an Integer", place, found=x.type)
+    if changes(context, x):
+        own = (dag.function("eq", x.expr, dag.const(k + 1)) for k in range(enumeration.length))
+        there = Value(reduce(partial(dag.function, "or"), own), (), "Boolean")
+        return choose(context, there, Value(x.expr, (), enumeration.name), number(np.nan, enumeration.name), e.span)
     n = context.whole(x, place, "the number of a literal", 1)
     if n > enumeration.length:
         raise OutOfRange("E0215", f"'{e.function}' has no literal {n}", place, expected=f"1 … {enumeration.length}")
