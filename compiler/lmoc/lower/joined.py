@@ -14,7 +14,8 @@ from typing import Protocol
 import numpy as np
 
 from lmoc.lower.operations import NUMBER, OPERATIONS
-from lmoc.lower.strips import BlockOfCopies, Code, Column, Memory, Operand, Places, Single, Step, Strip
+from lmoc.lower.strip_items import BlockOfCopies, Code, Column, Memory, Operand, Places, Single, Step
+from lmoc.lower.strips import Strip
 from lmoc.lower.tape import SolveBlock, row_instructions
 from lmoc.support.records import dataclass
 from lmoc.support.sizes import DENSE_IN_C

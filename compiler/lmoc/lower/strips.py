@@ -9,128 +9,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import frexp
-from typing import Protocol
 
 import numpy as np
 
 from lmoc.lower.operations import NUMBER
-from lmoc.lower.tape import SolveBlock
-from lmoc.support.records import dataclass
+from lmoc.lower.strip_body import Body
+from lmoc.lower.strip_items import (
+    NEVER,
+    BlockOfCopies,
+    Code,
+    Column,
+    Item,
+    Memory,
+    Operand,
+    Places,
+    Single,
+    Step,
+    Value,
+)
 
-Code = tuple[int, ...]
 _SMALL = 2.0**-1000  # and its inverse are far from what has fewer digits
-_NEVER = np.iinfo(np.int64).max
-
-
-@dataclass(frozen=True, eq=False)
-class Column:
-    """Places of all copies, which follow each other with a stride, or stand in a table from `table` on."""
-
-    places: np.ndarray
-    first: int
-    stride: int | None
-    key: bytes
-
-    @property
-    def contiguous(self) -> bool:
-        return self.stride == 1
-
-
-Single = int  # a place that holds one number for all copies
-Operand = Column | Single | str  # or the name of a buffer
-
-
-@dataclass(frozen=True, eq=False)
-class Step:
-    """What an instruction does: `load` a column to a buffer, `store` an operand to a column, or an operation."""
-
-    op: str
-    out: Operand
-    args: tuple[Operand, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
-class BlockOfCopies:
-    """A block with an instance for each copy; matrices are row by row."""
-
-    number: int
-    block: SolveBlock
-    entries: tuple[Column | Single, ...]
-    residuals: tuple[Column | Single, ...]
-    unknowns: tuple[Column, ...]
-
-
-class Places(Protocol):
-    """What is asked of the tape (`lower.writer.Writer`)."""
-
-    zero: int
-    one: int
-
-    def reserve(self, count: int) -> int:
-        """Return the first of so many places of their own."""
-
-    def constant(self, value: float) -> int:
-        """Return the place of a number."""
-
-    def number(self, place: int) -> float | None:
-        """Return the constant that stands at a place; None where none does."""
-
-    def buffer(self, slot: int) -> int:
-        """Return the place of a buffer."""
-
-    def table(self, places: np.ndarray) -> int:
-        """Return where a table begins."""
-
-
-class Item:
-    """A value of all copies, or what is done without one.
-
-    Attributes
-    ----------
-    within : the iteration of which it is part
-    until : where it is used last, among all items; -1 before that is known
-    next : where something else is written to its column
-    """
-
-    __slots__ = ("args", "at", "block", "column", "loop", "next", "op", "outs", "place", "until", "used", "within")
-
-    def __init__(
-        self,
-        op: str,
-        args: Sequence[Value] = (),
-        column: Column | None = None,
-        block: BlockOfCopies | None = None,
-        loop: Item | None = None,
-    ) -> None:
-        self.op, self.args, self.column, self.block, self.loop = op, tuple(args), column, block, loop
-        self.outs: list[Item] = []
-        self.within: Item | None = None
-        self.used = False
-        self.at, self.until, self.next = -1, -1, _NEVER
-        self.place: tuple[int, int] | None = None
-
-
-Value = Item | Single
-
-
-class Memory:
-    """What is known of places, shared by the strips of a tape.
-
-    Attributes
-    ----------
-    written : when each place was written last, on a clock of all strips
-    """
-
-    def __init__(self, size: int) -> None:
-        self.written = np.zeros(size, np.int64)
-        self.over = np.zeros(size, bool)
-        self.soon = np.full(size, _NEVER)
-        self.clock = 0
-
-    def write(self, places: np.ndarray) -> int:
-        self.clock += 1
-        self.written[places] = self.clock
-        return self.clock
 
 
 class Strip:
@@ -271,7 +169,7 @@ class Strip:
         self._leave_out(unread)
         self._order()
         self._settle()
-        return _Body(self.writer, self.items).code
+        return Body(self.writer, self.items).code
 
     def _leave_out(self, unread: Sequence[Column]) -> None:
         """Leave out what is overwritten before it is read, and what only that needs."""
@@ -311,9 +209,9 @@ class Strip:
             over[column.places] = False
         while item.loop is not None and self.items[k] is not item.loop:
             k -= 1
-            column = self.items[k].column
-            if self.items[k].op == "load" and column is not None:
-                over[column.places] = False
+            read = self.items[k].column
+            if self.items[k].op == "load" and read is not None:
+                over[read.places] = False
 
     def _order(self) -> None:
         """Number the items, and find their last uses: what comes from before an iteration is used until its end."""
@@ -346,14 +244,14 @@ class Strip:
                 soon[item.column.places] = value.at if isinstance(value, Item) and own.get(value) is item else item.at
                 written.append(item.column)
         for column in written:
-            soon[column.places] = _NEVER
+            soon[column.places] = NEVER
         for item in self.items:
-            column = item.column
+            place = item.column
             value = item.args[0] if item.op == "store" else item
-            if column is None or not column.contiguous or not isinstance(value, Item):
+            if place is None or not place.contiguous or not isinstance(value, Item):
                 continue
             if (item.op == "load" or own.get(value) is item) and item.next >= value.until:
-                value.place = column.first, 1
+                value.place = place.first, 1
 
     def _own_stores(self) -> dict[Item, Item]:
         """Return for values the store to a contiguous column that follows them at once."""
@@ -369,104 +267,3 @@ class Strip:
             if isinstance(value, Item) and value in fresh and item.column is not None and item.column.contiguous:
                 own.setdefault(value, item)
         return own
-
-
-class _Body:
-    """Items as instructions."""
-
-    def __init__(self, writer: Places, items: Sequence[Item]) -> None:
-        self.writer = writer
-        self.code: list[int] = []
-        self._free: list[int] = []
-        self._slots = 0
-        self._slot: dict[Item, int] = {}
-        self._begins: dict[Item, int] = {}
-        for item in items:
-            self._write(item)
-            for a in dict.fromkeys([*item.args, *item.outs, item]):
-                if isinstance(a, Item) and a in self._slot and a.until <= item.at:
-                    self._free.append(self._slot.pop(a))
-
-    def _write(self, item: Item) -> None:
-        if item.op == "load":
-            self._load(item)
-        elif item.op == "store":
-            self._store(item)
-        elif item.block is not None:
-            self._block(item)
-        else:
-            self._emit(item.op, self._place(item), *map(self._operand, item.args))
-
-    def _emit(self, op: str, *operands: tuple[int, ...]) -> None:
-        self.code += (NUMBER[op], *[x for operand in operands for x in operand])
-
-    def _operand(self, value: Value) -> tuple[int, int]:
-        if not isinstance(value, Item):
-            return value, -1
-        assert value.place is not None
-        return value.place
-
-    def _place(self, item: Item) -> tuple[int, int]:
-        """Return where a new value is to stand."""
-        if item.place is None:
-            self._slot[item] = slot = self._take()
-            item.place = self.writer.buffer(slot), 0
-        return item.place
-
-    def _take(self) -> int:
-        if not self._free:
-            self._free.append(self._slots)
-            self._slots += 1
-        return self._free.pop()
-
-    def _load(self, item: Item) -> None:
-        column = item.column
-        assert column is not None
-        if item.place is not None:
-            return
-        place = self._place(item)
-        if column.contiguous:
-            self._emit("move", place, (column.first, 1))
-        elif column.stride is not None:
-            self._emit("strided", place, (column.first, column.stride))
-        else:
-            self._emit("gather", place, (self.writer.table(column.places),))
-
-    def _store(self, item: Item) -> None:
-        column, operand = item.column, self._operand(item.args[0])
-        assert column is not None
-        if column.contiguous:
-            if operand != (column.first, 1):
-                self._move((column.first, 1), operand)
-            return
-        slot = -1
-        if operand[1] < 0:
-            slot = self._take()
-            buffer = self.writer.buffer(slot), 0
-            self._move(buffer, operand)
-            operand = buffer
-        if column.stride is not None:
-            self._emit("spread", operand, (column.first, column.stride))
-        else:
-            self._emit("scatter", operand, (self.writer.table(column.places),))
-        if slot >= 0:
-            self._free.append(slot)
-
-    def _move(self, out: tuple[int, int], operand: tuple[int, int]) -> None:
-        """Copy rows, or one number to all of them, which is what `if` takes."""
-        if operand[1] < 0:
-            self._emit("if", out, operand, operand, operand)
-        else:
-            self._emit("move", out, operand)
-
-    def _block(self, item: Item) -> None:
-        assert item.block is not None
-        pairs = [self._operand(a) for a in item.args] + [self._place(out) for out in item.outs]
-        own = [item.block.number]
-        if item.op == "newton":
-            self._begins[item] = len(self.code) + 6  # behind it, from the number of the loop on
-        elif item.op == "correct":
-            assert item.loop is not None
-            own.append(self._begins[item.loop])
-        flat = [x for pair in pairs for x in pair]
-        self.code += (NUMBER[item.op], 2 + len(own) + len(flat), *own, *flat)
