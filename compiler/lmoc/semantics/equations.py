@@ -12,6 +12,7 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import nearest
 from lmoc.semantics.assembly.laws import add_law, law_function, misplaced
 from lmoc.semantics.classes.scope import Scope
+from lmoc.semantics.connections.hints import connector_of_hint, connectors_hint, no_such_port, unguessed_port
 from lmoc.semantics.connections.overdetermined import GRAPH_STATEMENTS, overdetermined_record
 from lmoc.semantics.drafts.draft import ConnectDraft, Drafts, GroupDraft, RootDraft, equality
 from lmoc.semantics.events.branches import conditional
@@ -317,15 +318,15 @@ class EquationSection:
         except NotThere:
             return None
         except NoElement as wrong:
-            if _unguessed_port(ref, wrong):
-                raise _no_such_port(context, ref, start, wrong) from None
+            if unguessed_port(ref, wrong):
+                raise no_such_port(context, ref, start, wrong) from None
             raise
         node = located.node
         signal = isinstance(node, Variable) and (node.connector or node.causality in ("input", "output"))
         if not signal and not (isinstance(node, Instance) and node.connector):
             what = "a variable" if isinstance(node, Variable) else f"a part ({node.cls.name})"
             raise Wrong("E0305", f"'{ref}' is {what}, not a connector", ref.span, expected="a connector",
-                        hint=_connectors_hint(node) or _connector_of_hint(node, ref))  # fmt: skip
+                        hint=connectors_hint(node) or connector_of_hint(node, ref))  # fmt: skip
         return node, element_index(context, located), located.dims
 
     # --------------------------------------------------------------------------- checks
@@ -423,36 +424,3 @@ def _round(context: Context, row: int) -> str:
         index = context.leaves[value.expr.value[0]].index if value.expr.op == "slot" else value.expr.value
         values.append(f"{name} = {np.ravel(context.space.pick(index, np.array([row])))[0]:g}")
     return ", ".join(values)
-
-
-def _unguessed_port(ref: tree.Ref, wrong: NoElement) -> bool:
-    """Whether it is the name of a port that is unknown, no name in a subscript, and none is like it."""
-    return any(part.span == wrong.diagnostic.span for part in ref.parts[1:]) and not wrong.guessed
-
-
-def _no_such_port(context: Context, ref: tree.Ref, node: InstanceNode, wrong: NoElement) -> Wrong:
-    """As it was said, with the ports that there are."""
-    for part in ref.parts[1:]:
-        if not isinstance(node, Instance) or part.span == wrong.diagnostic.span:
-            break
-        node = context.model.child(node, part.name)
-    found = wrong.diagnostic
-    return Wrong(found.code, found.message, found.span, hint=_connectors_hint(node) or found.hint)
-
-
-def _connectors_hint(node: InstanceNode) -> str:
-    if not isinstance(node, Instance):
-        return ""
-    names = [n for n, c in node.children.items() if isinstance(c, Instance) and c.connector]
-    return f"its connectors are {', '.join(names)}" if names else ""
-
-
-def _connector_of_hint(variable: InstanceNode | Variable, ref: tree.Ref) -> str:
-    """Return a hint at the connectors of the part that a variable belongs to, or at the one it stands in."""
-    around, whole = variable.parent, str(ref).rpartition(".")[0]
-    if not isinstance(around, Instance) or not whole:
-        return ""
-    if around.connector:
-        return f"connect '{whole}' itself"
-    names = [n for n, c in around.children.items() if isinstance(c, Instance) and c.connector]
-    return f"the connectors of '{whole}' are {', '.join(names)}" if names else ""

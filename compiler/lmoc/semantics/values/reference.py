@@ -15,14 +15,14 @@ from lmoc.messages.source import Span
 from lmoc.semantics.classes.hints import visible
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.predefined import ENUMERATIONS, Builtin
-from lmoc.semantics.classes.resolve import resolve
 from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.mistakes.wrong import NoElement, NotAlike, NotKnown, NotKnownSubscript, NotThere, OutOfRange, Wrong
 from lmoc.semantics.nodes.instance import Absent, Broken, Instance, InstanceNode, Variable
+from lmoc.semantics.values.constants import constant_of, element_of
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.dimensions import type_of_dimension
 from lmoc.semantics.values.rows import Index, align, positions
-from lmoc.semantics.values.value import Value, number, record, stack
+from lmoc.semantics.values.value import Value, record, stack
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
@@ -398,42 +398,13 @@ def _constant(context: Context, found: Member | Scope | Builtin, ref: tree.Ref) 
     """A constant of a package or a literal of an enumeration."""
     for k, part in enumerate(ref.parts):
         if k:
-            found = _inside(found, part)
+            found = element_of(found, part)
         if isinstance(found, Member):
-            return _field_of_value(context, ref, k, _member_value(context, found, part))
+            return _field_of_value(context, ref, k, constant_of(context, found, part))
         if isinstance(found, Value):
             return found
     hint = nearest(ref.parts[-1].name, _variables(context, False))
     raise Wrong("E0301", f"'{found.name}' is a class, not a variable", ref.span, hint=hint)
-
-
-def _inside(found: Scope | Builtin, part: tree.RefPart) -> Member | Scope | Builtin | Value:
-    enumeration = found if isinstance(found, Builtin) else None
-    if isinstance(found, Scope) and found.definition.kind == "type":
-        enumeration = resolve(found).base
-    if isinstance(enumeration, Builtin):
-        if part.name not in enumeration.literals:
-            hint = nearest(part.name, enumeration.literals) or f"it has {', '.join(enumeration.literals)}"
-            raise Wrong("E0201", f"'{enumeration.name}' has no literal '{part.name}'", part.span, hint=hint)
-        return number(enumeration.literals.index(part.name) + 1, enumeration.name)
-    inner = found.element(part.name)
-    if inner is None:
-        raise Wrong("E0201", f"'{found.full_name}' has no element '{part.name}'", part.span,
-                    hint=nearest(part.name, found.table))  # fmt: skip
-    return inner
-
-
-def _member_value(context: Context, member: Member, part: tree.RefPart) -> Value:
-    component = member.component
-    if component.variability != "constant":
-        raise Wrong("E0201", f"'{part.name}' cannot be used from here: only constants of a class can", part.span)
-    expression, scope = member.value
-    if expression is None:
-        if isinstance(member.scope.type_of(component).base, Scope):
-            raise Wrong("E0230", f"the constant '{component.name}' is a record that is given field by field",
-                        component.span, hint="give it a value with the constructor of the record")  # fmt: skip
-        raise Wrong("E0212", f"the constant '{component.name}' has no value", component.span)
-    return context.model.known.constant(component, expression, scope)
 
 
 # --------------------------------------------------------------------- subscripts of values
