@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from oracles.models import compiled
 
+import lmoc
 from lmoc.cli.main import main
 from lmoc.view.scene.moving import Moving
 from lmoc.view.scene.picture import Label, Picture
@@ -66,6 +67,29 @@ def test_a_strip_has_the_instants_asked_for(tmp_path):
     run = compiled(CRANK).simulate(points=9)
     picture = compiled(CRANK).draw(frames=3, run=run).picture
     assert [t for t in texts(picture) if t.startswith("t = ")] == [f"t = {run.time[k]:.4g} s" for k in (0, 4, 8)]
+
+
+@pytest.mark.parametrize("g", [-9.81, 9.81])
+def test_a_load_on_a_drum_beside_a_belt_hangs_where_the_drum_takes_it_along(g):
+    """Angles count counter-clockwise: a load whose coordinate points up hangs on the right, else on the left."""
+    dae = lmoc.compile_text(
+        "model S Inertia rotor(J = 1, theta(start = 0, fixed = true), omega(start = 1, fixed = true)), big(J = 1);"
+        f"Belt belt(r1 = 0.1, r2 = 0.2); Drum drum(r = 0.1); Mass load(m = 1, g = {g}); equation"
+        " connect(rotor.shaft, belt.a); connect(belt.b, big.shaft); connect(big.shaft, drum.shaft);"
+        "connect(drum.flange, load.flange); annotation(experiment(StopTime = 1)); end S;"
+    )
+    moving = Moving(dae.draw().picture, dae.simulate(points=3))
+
+    def seen(k: int) -> tuple[float, float]:
+        rope = next(i for i in moving.at(k) if i.part == "drum" and i.symbol == "string")
+        centre = next(i for i in moving.at(k) if i.part == "big").ends[0]
+        mass = next(i for i in moving.at(k) if i.part == "load" and i.symbol == "mass")
+        box = [v for s in mass.shapes for v in getattr(s, "vertices", ())]
+        assert rope.ends[1].y == pytest.approx(mass.frame().place(min(box, key=lambda v: v[2]))[1], abs=1.5)
+        return rope.ends[1].x - centre.x, rope.ends[1].y
+
+    (x, before), (_, after) = seen(0), seen(2)
+    assert x * g < 0 and (after - before) * g > 0
 
 
 BESIDE_EACH_OTHER = (

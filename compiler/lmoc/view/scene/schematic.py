@@ -295,15 +295,19 @@ class Schematic:
         for node, drums in wheels.items():
             strip = next((s for s in self.shafts if node in s.nodes), None)
             if strip is not None and gears_of(strip) and len(drums) <= 2:
-                flanges = [(d, d.port("flange").node) for d in drums]
-                hung = [Drum(d.name, n, self.hanging.hang(n)) for d, n in flanges]
-                self.drums[node] = hung
+                self.drums[node] = [self._hung(drum) for drum in drums]
                 continue
             shaft = self._turning(drums[0].port("shaft"))
             for k in range(0, len(drums), 2):
                 pair = drums[k : k + 2]
                 found.append(Joint(tuple(pair), tuple(d.port("flange").node for d in pair), None, shaft))
         return found
+
+    def _hung(self, drum: Element) -> Drum:
+        """Return the rope of a drum on a shaft among gears, with what hangs on it."""
+        node, radius = drum.port("flange").node, self.graph.value(drum, "r", 1.0)
+        content = self.hanging.hang(node)
+        return Drum(drum.name, node, content, self.hanging.direction(node), radius)
 
 
 def _connected(joints: Sequence[Joint]) -> list[list[Joint]]:

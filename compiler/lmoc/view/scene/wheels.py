@@ -11,8 +11,8 @@ from lmoc.view.scene import symbols
 from lmoc.view.scene.between import between
 from lmoc.view.scene.block import Block
 from lmoc.view.scene.elements import Element
-from lmoc.view.scene.picture import Anchor, Circle, Item, Path, Turn
-from lmoc.view.scene.strip import BODIES, Strip, Style
+from lmoc.view.scene.picture import Anchor, Circle, Item, Move, Path, Turn
+from lmoc.view.scene.strip import BODIES, GROUP, Direction, Strip, Style
 from lmoc.view.scene.text import plain, width
 
 LARGEST, SMALLEST = 64.0, 10.0  # px, radii of gears
@@ -185,11 +185,24 @@ def wheel(shaft: Turning, style: Style, radii: Sequence[float], gear: bool) -> l
 
 @dataclass(frozen=True)
 class Drum:
-    """A rope on a shaft, and what hangs on it: a block with its top in the middle at (0, 0)."""
+    """A rope on a shaft, and what hangs on it: a block with its top in the middle at (0, 0).
+
+    Attributes
+    ----------
+    node : of the rope's end
+    direction : in which the end goes as its coordinate grows
+    radius : of the drum, with its sign
+    """
 
     part: str
     node: int
     content: Block
+    direction: Direction
+    radius: float
+
+    def side(self, sense: int) -> float:
+        """Return 1 where the rope's end moves as the right side of a wheel whose angle counts in some sense."""
+        return 1.0 if self.direction[1] * self.radius * sense < 0 else -1.0  # y points downwards
 
 
 def gears_of(strip: Strip) -> list[tuple[Element, int, int]] | None:
@@ -288,9 +301,12 @@ def _gear(
     items, legs = decorated(shaft, style, largest, True, window=window)
     winding = [0.55 * largest] if drums else []
     own = Block((*legs, *wheel(shaft, style, radii + winding, teeth), *items), {shaft.node: (0.0, 0.0)})
-    for drum, side in zip(drums, (1.0, -1.0)):
+    first = drums[0].side(shaft.sense) if drums else 1.0
+    for drum, side in zip(drums, (first, -first)):
         x, y = side * winding[0], largest + 30.0
-        rope = symbols.line("string", drum.part, Anchor(x, 0.0), Anchor(x, y), 1.4, "string")
+        variable = style.variables.get(drum.node)
+        moves = (Move(variable, *drum.direction, None, GROUP),) if variable else ()
+        rope = symbols.line("string", drum.part, Anchor(x, 0.0), Anchor(x, y, moves), 1.4, "string")
         rope = replace(rope, nodes=(shaft.node, drum.node))
         own = own.beside(Block((rope,)), drum.content.at(x, y))
     return own
