@@ -4,6 +4,7 @@ const HEIGHTS = [110, 190]; // px, the least and the most
 const MOST_AREAS = 5; // parts whose energy is shown by itself
 const NO_REST = 1e-3; // of the largest energy: what changes less is left out
 const AROUND = 62; // px of a title and a legend
+const LEFT_ALONE = 200; // ms after which what was drawn becomes an image
 const COLOURS = 7; // --c0 … --c6 of the style
 const DASHES = [[], [6, 4], [2, 3], [8, 3, 2, 3]];
 
@@ -63,7 +64,7 @@ class Panel {
         axes: [{ ...axis, size: 30 }, { ...axis, size: 62 }],
         series: [{}, ...options.series],
         bands: options.bands ?? [],
-        hooks: { draw: [(u) => drawEvents(u, events), () => this.show(this.t)] },
+        hooks: { draw: [(u) => drawEvents(u, events), () => this.show(this.t), (u) => this.drawn(u)] },
         padding: [8, 16, 0, 0],
       },
       data,
@@ -81,6 +82,20 @@ class Panel {
     this.plot.over.addEventListener("pointermove", press);
   }
 
+  /** A canvas costs each frame of the page, an image only those in which it changes: put one in its place when it is left alone. */
+  drawn({ ctx: { canvas } }) {
+    this.image ??= Object.assign(new Image(), { alt: "", className: "still" });
+    if (this.image.parentNode === null) canvas.after(this.image);
+    const swap = (still) => [this.image, canvas].forEach((one, k) => (one.style.visibility = still === (k === 0) ? "" : "hidden"));
+    swap(false);
+    clearTimeout(this.later);
+    this.later = setTimeout(async () => {
+      const source = (this.image.src = canvas.toDataURL());
+      await this.image.decode();
+      if (this.image.src === source && this.later !== null) swap(true);
+    }, LEFT_ALONE);
+  }
+
   show(t) {
     this.t = t;
     if (!Number.isFinite(t) || this.plot === undefined) return; // it is drawn later, with its scales
@@ -88,6 +103,8 @@ class Panel {
   }
 
   destroy() {
+    clearTimeout(this.later);
+    this.later = null;
     this.plot.destroy();
   }
 
