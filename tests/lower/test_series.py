@@ -11,7 +11,7 @@ from oracles.models import compiled
 import lmoc
 from lmoc.engine.library import library
 from lmoc.lower.series import LENGTH
-from lmoc.lower.series_code import RECURRENCES
+from lmoc.lower.series_code import NUMBER, RECURRENCES, of_one_order, simplified
 from lmoc.messages.diagnostics import Report
 from lmoc.numerics.evaluate.taylor_system import TaylorSystem
 from lmoc.numerics.plan.plan import build_plan
@@ -45,6 +45,18 @@ def coefficients(system: TaylorSystem, t: float, x: np.ndarray, order: int) -> n
 
 def test_the_instructions_have_their_numbers_in_the_engine():
     assert tuple(library().lmoc_recurrences().decode().split()) == RECURRENCES
+
+
+def test_sums_read_no_copies_and_no_negatives():
+    def code(*lines: str) -> list[tuple[int, ...]]:
+        return [(NUMBER[name], *map(int, rest)) for name, *rest in map(str.split, lines)]
+
+    before = code("copy 1 0 0", "neg 2 1 0", "add 3 2 9", "sub 4 9 2", "sub 5 2 9", "scale 6 2 7", "convolve 7 1 2",
+                  "copy 8 0 0", "add 10 8 1", "copy 8 1 0", "neg 11 2 0", "add 12 11 2")  # fmt: skip
+    after = code("copy 1 0 0", "neg 2 0 0", "sub 3 9 0", "add 4 9 0", "sub 5 2 9", "scale 6 2 7", "convolve 7 1 2",
+                 "copy 8 0 0", "add 10 8 0", "copy 8 0 0", "copy 11 0 0", "sub 12 0 0")  # fmt: skip
+    assert simplified(before) == after  # what is filled twice is read as it stands
+    assert of_one_order(before, {3}) == {4, 5, 6, 7, 8, 10, 11, 12}
 
 
 @pytest.mark.parametrize("expression", FUNCTIONS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -21,25 +21,25 @@ _TEXT = {
     "scale_more": "{out} += {number} * {a};",
     "late": "{out} += {A}[0] * {b};",
     "ratio": "{out} = {a} / {number};",
-    "convolve": "convolve(k, {A}, {B}, {OUT});",
-    "square": "square(k, {A}, {OUT});",
+    "convolve": "convolve(k, {A}, {B}, &{out});",
+    "square": "square(k, {A}, &{out});",
     "quotient": "{{ const lmoc_real top = {a}; quotient(k, &top, {B}, {OUT}); }}",
     "power": "power(k, {A}, &{number}, {OUT});",
-    "chain": "chain(k, {A}, {B}, {OUT});",
-    "chain_more": "chain_more(k, {A}, {B}, {OUT});",
+    "chain": "chain(k, {A}, {B}, &{out});",
+    "chain_more": "chain_more(k, {A}, {B}, &{out});",
     "open": "y->open(y, {0}, k);",
     "solve": "y->solve(y, {0}, k);",
 }
 # Products as functions: a loop for each of them in one text takes the compiler seconds.
 _PRODUCTS = """
 #define PRODUCT(name, value) \\
-  LMOC_WIDEST static void name(int64_t k, const lmoc_real *a, const lmoc_real *b, lmoc_real *out) { out[k] value; }
-PRODUCT(convolve, = lmoc_convolve(k, a, b))
-PRODUCT(chain, = lmoc_chain(k, a, b))
-PRODUCT(chain_more, += lmoc_chain(k, a, b))
-PRODUCT(quotient, = (*a - lmoc_rest(k, b, out)) / b[0])
-PRODUCT(power, = lmoc_power(k, a, *b, out))
-LMOC_WIDEST static void square(int64_t k, const lmoc_real *a, lmoc_real *out) { out[k] = lmoc_square(k, a); }
+  LMOC_WIDEST static void name(int64_t k, const lmoc_real *a, const lmoc_real *b, lmoc_real *out) { value; }
+PRODUCT(convolve, *out = lmoc_convolve(k, a, b))
+PRODUCT(chain, *out = lmoc_chain(k, a, b))
+PRODUCT(chain_more, *out += lmoc_chain(k, a, b))
+PRODUCT(quotient, out[k] = (*a - lmoc_rest(k, b, out)) / b[0])
+PRODUCT(power, out[k] = lmoc_power(k, a, *b, out))
+LMOC_WIDEST static void square(int64_t k, const lmoc_real *a, lmoc_real *out) { *out = lmoc_square(k, a); }
 """
 
 
@@ -53,9 +53,15 @@ def _instructions(code: np.ndarray) -> Iterator[tuple[str, list[int]]]:
         at = end
 
 
-def series_text(code: np.ndarray, lanes: int) -> str:
-    """Return the text of ``void lmoc_order(series, k)``, which does what the instructions of a series say."""
-    lines = [_line(name, rest) for name, rest in _instructions(code)]
+def series_text(code: np.ndarray, lanes: int, passing: Collection[int] = ()) -> str:
+    """Return the text of ``void lmoc_order(series, k)``, which does what the instructions of a series say.
+
+    Parameters
+    ----------
+    passing : series that nobody reads at another order: their coefficients are variables, and fill no cache
+    """
+    lines = [_line(name, rest, passing) for name, rest in _instructions(code)]
+    declared = [f"  lmoc_real v{series};" for series in sorted(passing)]
     return "\n".join([
         f"#define LMOC_OF_LANES {lanes}",
         headers("lane", "lu", "tape", "tables", "engine", "series", "recurrence"),
@@ -69,17 +75,21 @@ def series_text(code: np.ndarray, lanes: int) -> str:
         "LMOC_WIDEST void lmoc_order(const lmoc_series *y, int64_t k) {",
         "  lmoc_real *const s = (lmoc_real *)y->s;",
         "  double *const w = y->w;",
+        *declared,
         *lines,
         "}\n",
     ])  # fmt: skip
 
 
-def _line(name: str, rest: list[int]) -> str:
+def _line(name: str, rest: list[int], passing: Collection[int]) -> str:
+    def now(series: int) -> str:
+        return f"v{series}" if series in passing else f"S({series})[k]"
+
     out, a, b = rest[:3]
     if name == "total":
-        terms = [f"W({number}) * S({own})[k]" for own, number in zip(rest[3::2], rest[4::2], strict=True)]
-        return f"  S({out})[k] = (lmoc_real){{0}} + {' + '.join(terms)};"
-    series = {"out": f"S({out})[k]", "a": f"S({a})[k]" if a >= 0 else "(lmoc_real){0}", "b": f"S({b})[k]"}
+        terms = [f"W({number}) * {now(own)}" for own, number in zip(rest[3::2], rest[4::2], strict=True)]
+        return f"  {now(out)} = (lmoc_real){{0}} + {' + '.join(terms)};"
+    series = {"out": now(out), "a": now(a) if a >= 0 else "(lmoc_real){0}", "b": now(b)}
     return "  " + _TEXT[name].format(a, **series, A=f"S({a})", B=f"S({b})", OUT=f"S({out})", number=f"W({b})")
 
 
@@ -92,9 +102,10 @@ def cost_of_series(code: np.ndarray) -> float:
 class SeriesAccelerator(Accelerator):
     """Compiles the instructions of a series beside their use."""
 
-    def __init__(self, code: np.ndarray, lanes: int) -> None:
+    def __init__(self, code: np.ndarray, lanes: int, passing: Collection[int]) -> None:
         super().__init__(cost_of_series(code))
-        self._code, self._count, self._lanes = code, sum(1 for _ in _instructions(code)), lanes
+        self._code, self._count = code, sum(1 for _ in _instructions(code))
+        self._lanes, self._passing = lanes, passing
 
     def _make(self) -> ctypes.CDLL | None:
-        return None if self._count > _LONGEST else compiled(lambda: series_text(self._code, self._lanes))
+        return None if self._count > _LONGEST else compiled(lambda: series_text(self._code, self._lanes, self._passing))

@@ -15,7 +15,7 @@ from lmoc.lower.chain_rule import ChainRule
 from lmoc.lower.derivatives import Ahead, Derivatives, write_derivatives
 from lmoc.lower.matrices import block_matrix
 from lmoc.lower.recurrences import Nodes, NoSeries, constant_registers, prepared
-from lmoc.lower.series_code import NUMBER, PRODUCTS, RECURRENCES, dependent, needed
+from lmoc.lower.series_code import NUMBER, PRODUCTS, RECURRENCES, dependent, needed, of_one_order, simplified
 from lmoc.lower.steps import single_node
 from lmoc.lower.tape import SolveBlock, Tape
 from lmoc.lower.writer import Writer
@@ -35,7 +35,8 @@ class Series:
     source : (count,) where the coefficients of order zero stand
     clock : the series of time, or -1
     of_register : (registers,) series, or -1
-    share_of_products : products, quotients and functions among all instructions
+    share_of_products : products, quotients and functions among all operations of the program
+    passing : series that nobody reads at another order
     """
 
     start: Tape
@@ -44,6 +45,7 @@ class Series:
     clock: int
     of_register: np.ndarray
     share_of_products: float
+    passing: frozenset[int]
 
 
 def series_of(program: Program, registers: int, size: int, states: np.ndarray, wanted: np.ndarray) -> Series:
@@ -85,10 +87,12 @@ class _SeriesWriter:
                 of_register[place] = own
         tape = self.tape.finish(np.array([*self.source, *self.numbers], np.int64))
         code = needed(self.code, wanted, self.blocks)
-        flat = [x for c in code for x in c] + [0] * 4
-        clock = self.series.get(self.tape.time, -1)
         share = sum(RECURRENCES[c[0]] in PRODUCTS for c in code) / max(1, len(code))
-        return Series(tape, np.array(flat, np.int32), np.array(self.source, np.int32), clock, of_register, share)
+        code = needed(simplified(code), wanted, self.blocks)
+        flat, source = np.array([x for c in code for x in c] + [0] * 4, np.int32), np.array(self.source, np.int32)
+        clock = self.series.get(self.tape.time, -1)
+        passing = of_one_order(code, {*wanted, *(k for both in self.blocks.values() for own in both for k in own)})
+        return Series(tape, flat, source, clock, of_register, share, frozenset(passing))
 
     def of(self, place: int) -> int:
         """Return the series of what stands at a place; a new one is a number as long as nothing is written to it."""

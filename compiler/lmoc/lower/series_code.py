@@ -19,6 +19,7 @@ late out a x                 what a product of a and an unknown x lacks: a at or
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 RECURRENCES = tuple(
@@ -31,6 +32,60 @@ PRODUCTS = {"convolve", "square", "quotient", "power", "chain", "chain_more"}
 Instruction = tuple[int, ...]
 _OF_TWO = {"add", "sub", "convolve", "quotient"}
 _ADDS = {"chain_more", "scale_more", "late"}  # to what stands in their series
+
+
+def simplified(code: Sequence[Instruction]) -> list[Instruction]:
+    """Return instructions with the same bits that read no copies and no negatives where those that they are of will do.
+
+    Only what is filled once is looked through: with blocks, what depends on their unknowns is filled before and after.
+    """
+    fills = Counter(own[1] for own in code if RECURRENCES[own[0]] not in ("open", "solve"))
+    of: dict[int, tuple[bool, int]] = {}  # of the same value at all orders but zero; whether it is the negative
+
+    def seen(series: int) -> tuple[bool, int]:
+        return of.get(series, (False, series))
+
+    found: list[Instruction] = []
+    for own in code:
+        op, out, a, b, *terms = own
+        name = RECURRENCES[op]
+        if name in ("copy", "neg"):
+            negative, source = seen(a)
+            negative ^= name == "neg"
+            own = NUMBER["neg" if negative else "copy"], out, source, b
+            if fills[out] == 1:
+                of[out] = negative, source
+        elif name in ("add", "sub"):
+            own = _sum(own, seen(a), seen(b))
+        elif name in ("scale", "ratio") and not seen(a)[0]:
+            own = op, out, seen(a)[1], b
+        elif name == "total":
+            pairs = [(x if seen(x)[0] else seen(x)[1], c) for x, c in zip(terms[::2], terms[1::2], strict=True)]
+            own = op, out, a, b, *[k for pair in pairs for k in pair]
+        found.append(own)
+    return found
+
+
+def _sum(own: Instruction, one: tuple[bool, int], two: tuple[bool, int]) -> Instruction:
+    """Return a sum or difference without the negatives among what it is of."""
+    (first, a), (second, b) = one, two
+    second ^= RECURRENCES[own[0]] == "sub"
+    if first and second:  # the same as before but for copies
+        return own
+    if first:
+        return NUMBER["sub"], own[1], b, a
+    return NUMBER["sub" if second else "add"], own[1], a, b
+
+
+def of_one_order(code: Sequence[Instruction], kept: set[int]) -> set[int]:
+    """Return the series of which no coefficient is read when the next order is under way.
+
+    Parameters
+    ----------
+    kept : what is read by others than instructions
+    """
+    filled = {own[1] for own in code if RECURRENCES[own[0]] not in ("open", "solve")}
+    return filled - kept - {k for own in code for k in _of_lower_orders(own)}
 
 
 def _read(own: Instruction) -> list[int]:

@@ -54,7 +54,8 @@ class Walk(ctypes.Structure):
         *[(name, ctypes.c_int64) for name in ("outputs", "reached", "room")],
         ("hook", ctypes.c_void_p),
         *[(name, ctypes.c_int64) for name in ("found", "begins")],
-        ("ahead", ctypes.c_double),
+        *[(name, ctypes.c_double) for name in ("ahead", "begun", "shortest")],
+        ("made", ctypes.c_int64),
     ]
 
 
@@ -160,7 +161,7 @@ class SeriesInLanes:
         self.blocks = len(kernel.tape.blocks), len(start.tape.blocks)
         self._kept = kernel
         self._lanes, self._accelerated = lanes, many is None
-        self._accelerator = SeriesAccelerator(series.code, lanes)
+        self._accelerator = SeriesAccelerator(series.code, lanes, series.passing)
 
     def note_work(self, tried: int) -> None:
         """Take note of steps that have been tried, and go on with compiled code if it is there by now."""
