@@ -175,6 +175,20 @@ def test_smooth_scenes_go_through_c(monkeypatch, k):
     assert found == {0, 1, 2, 3} and not many.failed.any()
 
 
+@pytest.mark.parametrize(("k", "rtol"), [(0, 1e-6), (3, 1e-9)])
+def test_long_runs_go_through_c(monkeypatch, k, rtol):
+    """Behind the steps by which they are judged they go on along series, each with the tolerance that follows."""
+    many, single = _compiled(k)
+    name, own = next(iter(SCENES[k].parameters.items()))
+    values = np.linspace(*own, 4)
+    found, runs = _in_lanes(monkeypatch, many, {name: values}, stop=60.0, points=7, rtol=rtol)
+    assert found == {0, 1, 2, 3}
+    for row, value in enumerate(values.tolist()):
+        run = single.simulate(parameters={name: value}, stop=60.0, points=7, rtol=rtol)
+        assert run.stats["steps"] > 100 and run.stats["solver"] == "taylor"
+        assert all(np.array_equal(runs[kept][row], run[kept]) for kept in runs.kept)
+
+
 def test_rows_that_cannot_go_through_c_are_made_one_by_one(monkeypatch):
     """A stiff one goes to another method, one that fails tells why, one whose guard breaks has another reduction."""
     found, many = _in_lanes(monkeypatch, _compiled(1)[0], {"k": [1.0, 2.0, 1e7]}, stop=50.0, points=20, rtol=1e-8)

@@ -76,13 +76,17 @@ LMOC_WIDEST static int64_t factorize(lmoc_block *m, double *a, int32_t *pivots) 
 
 LMOC_WIDEST static void substitute(const lmoc_block *m, const double *a, const int32_t *pivots, double *b) {
   const int64_t n = m->size;
-  for (int64_t k = 0; k < n; k++)
-    LMOC_EACH_LANE {
-      double *other = b + LMOC_AT(pivots[LMOC_AT(k) + l]) + l, *own = b + LMOC_AT(k) + l;
+  for (int64_t k = 0; k < n; k++) {
+    const int32_t *row = pivots + LMOC_AT(k);
+    int32_t moved = 0;
+    LMOC_EACH_LANE moved |= row[l] ^ (int32_t)k;
+    if (moved) LMOC_EACH_LANE {
+      double *other = b + LMOC_AT(row[l]) + l, *own = b + LMOC_AT(k) + l;
       const double t = *other;
       *other = *own;
       *own = t;
     }
+  }
   for (int64_t k = 0; k < n; k++)
     for (int64_t j = 0; j < k; j++) LMOC_ROW(b, k) -= LMOC_ROW(a, k*n + j) * LMOC_ROW(b, j);
   for (int64_t k = n - 1; k >= 0; k--) {

@@ -12,6 +12,7 @@ enum { ENOUGH = 5, UNSEEN = 6 };
 /* A part of a run with one method and one tolerance. */
 typedef struct {
   double time, rtol, step;        /* where it stands; the first step, or infinity; then the next one */
+  double shortest;                /* mean length of steps below which a series gives up, s */
   int64_t most, overrun;          /* steps and rejected ones; more of them where they are expected to reach the end */
   int64_t reached, steps, rejected, found;
 } leg;
@@ -69,6 +70,7 @@ typedef struct {
 static int go_on(const lanes *l, lmoc_walk *s, int64_t k, lane *own) {
   leg *g = l->legs + own->run;
   lmoc_walk_afresh(s, k);
+  s->made[k] = g->steps;
   s->most[k] = left(l, g, own->begin, &own->allowed);
   s->times[k] = l->times + g->reached;
   s->outputs[k] = s->room[k] = l->outputs - g->reached;
@@ -83,6 +85,8 @@ static void begin(const lanes *l, lmoc_walk *s, int64_t k, lane *own, double *at
   s->time[k] = s->before[k] = g->time;
   s->rtol[k] = g->rtol;
   s->length[k] = g->step;
+  s->begun[k] = g->time;
+  s->shortest[k] = g->shortest;
   s->begins[k] = 1;
   for (int64_t i = 0; i < n; i++) {
     s->next[LMOC_AT(i*LMOC_LENGTH) + k] = l->x[own->run*n + i];

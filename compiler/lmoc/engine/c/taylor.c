@@ -4,6 +4,8 @@
 
 #define N_SERIES LMOC_LENGTH
 #define LOOKS 4    /* places at which coordinates are looked at in a step (`steps/taylor.py`) */
+#define JUDGED 50  /* steps from which their mean length is looked at (`steps/taylor.py`) */
+#define BESIDE 4   /* states that are worked on at once */
 #define ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
 #define BIT(lane) ((int64_t)1 << (lane))
 #define Q(q, i, k) (q)[LMOC_AT((i)*N_SERIES + (k)) + l]
@@ -62,14 +64,25 @@ int LMOC_NAME(lmoc_taylor_series)(const lmoc_taylor *y, lmoc_times time, const d
   return lost;
 }
 
+/* Polynomials of some states at a distance from where a series begins, or their slopes: sums that do not wait for each
+   other. */
+LMOC_INLINE void polynomials(int64_t states, int slopes, int64_t order, const double *h, const double *q, lmoc_real *s) {
+  const lmoc_real at = LMOC_ROW(h, 0);
+  for (int64_t j = 0; j < states; j++) s[j] = (lmoc_real){0};
+  for (int64_t k = order; k >= slopes; k--)
+    for (int64_t j = 0; j < states; j++) {
+      const lmoc_real own = ROW(q, j*N_SERIES, k);
+      if (slopes) s[j] = s[j]*at + (double)k * own;
+      else s[j] = s[j]*at + own;
+    }
+}
+
 /* The states at a distance from where a series begins. */
 LMOC_WIDEST static void value(int64_t n, int64_t order, const double *h, const double *q, double *x) {
-  const lmoc_real at = LMOC_ROW(h, 0);
-  for (int64_t i = 0; i < n; i++) {
-    lmoc_real s = {0};
-    for (int64_t k = order; k >= 0; k--) s = s*at + ROW(q, i*N_SERIES, k);
-    LMOC_ROW(x, i) = s;
-  }
+  int64_t i = 0;
+  for (; i + BESIDE <= n; i += BESIDE)
+    polynomials(BESIDE, 0, order, h, q + LMOC_AT(i*N_SERIES), (lmoc_real *)(x + LMOC_AT(i)));
+  for (; i < n; i++) polynomials(1, 0, order, h, q + LMOC_AT(i*N_SERIES), (lmoc_real *)(x + LMOC_AT(i)));
 }
 
 /* The same for some of the states at several distances of one lane; sums that do not wait for each other. */
@@ -130,12 +143,14 @@ LMOC_WIDEST static void length(int64_t n, int64_t order, const double *rtol, con
    derivative at h against that of the series that begins there. */
 LMOC_WIDEST static void defect(int64_t n, int64_t order, const double *h, const double *rtol, const double *atol,
                                const double *q, const double *next, double *worst) {
-  double slope[LMOC_LANES];
+  lmoc_real slopes[BESIDE];
   LMOC_EACH_LANE worst[l] = 0;
   for (int64_t i = 0; i < n; i++) {
-    lmoc_real s = {0};
-    for (int64_t k = order; k > 0; k--) s = s*LMOC_ROW(h, 0) + (double)k * ROW(q, i*N_SERIES, k);
-    LMOC_ROW(slope, 0) = s;
+    const double *slope = (const double *)(slopes + i % BESIDE);
+    if (i % BESIDE == 0) {
+      if (i + BESIDE <= n) polynomials(BESIDE, 1, order, h, q + LMOC_AT(i*N_SERIES), slopes);
+      else for (int64_t j = i; j < n; j++) polynomials(1, 1, order, h, q + LMOC_AT(j*N_SERIES), slopes + j - i);
+    }
     LMOC_EACH_LANE {
       const double scale = atol[LMOC_AT(i) + l] + rtol[l]*larger(fabs(Q(q, i, 0)), fabs(Q(next, i, 0)));
       worst[l] = lmoc_max(worst[l], fabs(h[l] * (slope[l] - Q(next, i, 1))) / scale);
@@ -245,6 +260,12 @@ static int is_taken(lmoc_walk *s, int64_t l, double reached, int lost, double mi
   return 0;
 }
 
+/* Whether the steps of a lane are shorter in the mean than they have to be. */
+static int crawls(const lmoc_walk *s, int64_t l) {
+  const int64_t steps = s->made[l] + s->steps[l];
+  return s->shortest[l] > 0 && steps >= JUDGED && s->time[l] - s->begun[l] < (double)steps * s->shortest[l];
+}
+
 /* Try a step along `next` in all lanes that are going: the series that begins at its end into `q`. Returns those that
    have stopped: SHORT where no step is short enough, LOST where there is no value beyond, DOUBTFUL where the closures have
    to be looked at more closely. */
@@ -280,7 +301,8 @@ static int64_t advance(const lmoc_taylor *y, lmoc_walk *s, int64_t going) {
     if (s->steps[l] > steps[l]) {
       lmoc_mark(y->call);
       if (s->hook) s->hook->keep(s->hook->own);
-      if (!output(y, s, l) || s->steps[l] >= s->most[l] || s->time[l] >= s->end) stopped |= stopped_with(s, l, 0);
+      if (crawls(s, l)) stopped |= stopped_with(s, l, LMOC_STIFF);
+      else if (!output(y, s, l) || s->steps[l] >= s->most[l] || s->time[l] >= s->end) stopped |= stopped_with(s, l, 0);
     }
   return stopped;
 }

@@ -25,6 +25,8 @@ typedef struct {
   int64_t found[LMOC_LANES];         /* what there is instead of a further step, or 0 */
   int64_t begins[LMOC_LANES];        /* whether only the state is known, in `next`, and the series is to be found first */
   double ahead[LMOC_LANES];          /* the step that is tried; 0 where it has to be chosen */
+  double begun[LMOC_LANES], shortest[LMOC_LANES]; /* since when steps have to be that long in the mean … */
+  int64_t made[LMOC_LANES];          /* … and how many there were before this call; looked at by `lanes.c` alone */
 } lmoc_walk;
 
 /* Coefficients 0 … order of the states at (time, x) into q, (n, LENGTH, lanes). Returns 0 where all of them are numbers,

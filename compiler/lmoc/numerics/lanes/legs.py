@@ -15,7 +15,7 @@ from lmoc.numerics.problem.status import Status
 
 LEG = np.dtype(
     [
-        *((name, float) for name in ("time", "rtol", "step")),
+        *((name, float) for name in ("time", "rtol", "step", "shortest")),
         *((name, np.int64) for name in ("most", "overrun", "reached", "steps", "rejected", "found")),
     ]
 )
@@ -87,6 +87,7 @@ class Legs:
         span = end, longest, patience, 0, _SEEN, self.times.ctypes.data, len(times), out.ctypes.data
         span = *span, out.strides[0] // 8
         self._series: SeriesInLanes | None = None
+        self._order = order or 0
         if order is None:
             self._stepper = EngineStepper(system)
             steps = self._stepper.steps()
@@ -98,7 +99,6 @@ class Legs:
                 self._at_once = _Lanes(ctypes.pointer(self._tape.call), *rest)
         else:
             own = system.plan.once(SeriesInLanes)
-            own.in_c.order = order
             blocks = base.shape[1], *own.blocks
             self._series, memory = own, own.memory.ctypes.data
             self._lanes = _Lanes(own.in_c.call, *blocks, *arrays, *span, None, ctypes.pointer(own.in_c), memory)
@@ -121,6 +121,8 @@ class Legs:
         if many and self._series is None:
             lanes = self._at_once
         lanes.goes_on = goes_on
+        if self._series is not None:  # which legs of other orders share
+            self._series.in_c.order = self._order
         walk = many.walk if many else self._engine.lmoc_lanes_walk
         walk(ctypes.byref(lanes), len(chosen), chosen.ctypes.data)
         if self._series is not None:

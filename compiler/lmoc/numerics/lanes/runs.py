@@ -151,8 +151,8 @@ class _Together:
         return Way(problem, lambda p, outcome: Modes(p, outcome, lambda *_: self._jacobian(which)))
 
     def _suits_series(self, leg: Leg) -> bool:
-        """Return whether C makes a leg along a series: the first one, at whose steps nobody looks."""
-        return leg.name == "taylor" and leg.shortest == 0.0 and not self.alone
+        """Return whether C makes a leg along a series."""
+        return leg.name == "taylor" and not self.alone
 
     def _along_series(self, which: np.ndarray) -> dict[int, np.ndarray]:
         """Return runs that go along series by their orders."""
@@ -172,6 +172,7 @@ class _Together:
         (state["rtol"][which], own.atol[which]), own.x[which] = way.tolerances(leg), before.x
         state["time"][which], state["step"][which] = before.time, way.first_step(leg)
         state["most"][which], state["overrun"][which] = way.steps(leg)
+        state["shortest"][which] = leg.shortest
         state["reached"][which] = before.reached
 
     def _look_around(self, judged: np.ndarray) -> None:
@@ -214,9 +215,10 @@ def _right_size(runs: Runs, states: np.ndarray, span: TimeSpan, rtol: float, goo
     """Return which runs are as large as their tolerances were chosen for, or cannot be followed more closely."""
     plan = runs.plan
     places = sampled_places(len(span.times), states.shape[2])
-    samples = states[:, places]
+    samples = states if len(places) == len(span.times) else states[:, places]  # which would be a copy
     sizes = assumed_sizes(plan, runs.values, samples[:, 0], {})
-    small = is_small(np.fmax.reduce(np.abs(samples), axis=1), sizes, plan.ledger) & good
+    tops = np.fmax(np.fmax.reduce(samples, axis=1), -np.fmin.reduce(samples, axis=1))
+    small = is_small(tops, sizes, plan.ledger) & good
     right = ~small
     for k in np.flatnonzero(small).tolist():
         observer = runs.observer(k)
