@@ -64,6 +64,25 @@ def test_of_many_models_all_are_checked_and_those_that_changed_last_first(monkey
     assert asked[:2] == ["M0", "M22"]
 
 
+def test_a_text_that_is_saved_is_not_checked_again(monkeypatch, tmp_path):
+    asked, checks, checked = [], Checks(), checking._Text.checked
+    monkeypatch.setattr(checking._Text, "checked", lambda self, m: (asked.append(m.name), checked(self, m))[1])
+    path = tmp_path / "Old.lmo"
+    text = "model A\n  Real x = y;\nend A;\nmodel B\n  Real x = z;\nend B;\n"
+    for own, again in (text, []), (text.replace("Real", "Old", 1), ["A"]):  # a class of the file as it was
+        path.write_text("model Old\nend Old;\n")
+        before = checks.check(own, str(path))
+        asked.clear()
+        path.write_text(own)
+        after = checks.check(own, str(path))
+        assert [m for m in asked if m == "A"] == again and (after != before) == bool(again)
+        assert after == check(own, str(path))
+    (tmp_path / "Other.lmo").write_text("model Other\nend Other;\n")
+    asked.clear()
+    checks.check(own, str(path))
+    assert asked == ["A", "B"]
+
+
 def test_a_newer_text_waits_for_a_check_that_is_short(monkeypatch):
     monkeypatch.setattr(background, "PATIENCE", float("inf"))
     said, ready = [], threading.Event()

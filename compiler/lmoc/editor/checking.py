@@ -13,6 +13,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 
 from lmoc.editor.analysis import folders, opened, own_folder
 from lmoc.editor.pieces import Piece, Reading, read, with_inner
@@ -225,9 +226,13 @@ class _Text:
 
     @cached_property
     def _around(self) -> tuple[tuple[str, int, int], ...]:
-        """The files in which further classes are looked for, as they are now."""
+        """The files in which further classes are looked for, as they are now, but that of the text itself."""
         entries = (e for f in folders(self.reading.source.name, self.reading.file) for e in os.scandir(f.path))
-        return tuple(sorted((e.path, e.stat().st_mtime_ns, e.stat().st_size) for e in entries if e.is_file()))
+        own = Path(self.reading.source.name)
+        named = any(c.name == own.stem for c in self.reading.file.classes)
+        sought = not named and any(own.stem in p.words for p in self.reading.pieces)  # then it is found in the file
+        files = (e for e in entries if e.is_file() and (sought or Path(e.path).absolute() != own.absolute()))
+        return tuple(sorted((e.path, e.stat().st_mtime_ns, e.stat().st_size) for e in files))
 
     def checked(self, model: _Model) -> _Found:
         """Check a model."""
