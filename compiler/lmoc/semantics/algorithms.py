@@ -21,6 +21,7 @@ from lmoc.semantics.mistakes.wrong import Exhausted, Wrong
 from lmoc.semantics.nodes.instance import Instance, Variable
 from lmoc.semantics.nodes.records import field_of
 from lmoc.semantics.values.algorithms import Algorithm
+from lmoc.semantics.values.assigned import replaced
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.formals import LocalVariable
 from lmoc.semantics.values.functions import call_all
@@ -192,7 +193,7 @@ class _Section(Algorithm):
             raise Wrong("E0230", f"part of '{name}' is assigned: one element at a time is available", target.span,
                         hint="give every dimension a subscript, in a 'for' loop")  # fmt: skip
         if subscripts:
-            value = self._replaced(old, subscripts, value, name, span, lambda _, new: new)
+            value = replaced(self.context, old, subscripts, value, name, span, lambda _, new: new)
         if old.dims != value.dims:
             raise sizes_differ(f"'{name}' and what is assigned", old.dims, value.dims, span)
         self.values[name] = value

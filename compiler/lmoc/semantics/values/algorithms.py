@@ -9,31 +9,24 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field
-from functools import partial
-
-import numpy as np
 
 from lmoc.expression import dag
 from lmoc.messages.diagnostics import Label, Subject, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.place import Member
 from lmoc.semantics.classes.scope import Scope
-from lmoc.semantics.mistakes.wrong import CallsItself, Exhausted, NotAlike, NotKnown, NotKnownSubscript, TooDeep, Wrong
+from lmoc.semantics.mistakes.wrong import CallsItself, Exhausted, NotAlike, NotKnown, TooDeep, Wrong
+from lmoc.semantics.values.assigned import check_type, with_part
 from lmoc.semantics.values.builtins import BUILTIN_FUNCTIONS
 from lmoc.semantics.values.constructors import iteration
 from lmoc.semantics.values.context import Context
 from lmoc.semantics.values.formals import LocalVariable, in_order_of_use, mismatch, nothing, widened
-from lmoc.semantics.values.reference import Slice, subscript
-from lmoc.semantics.values.rows import Index
 from lmoc.semantics.values.translate import changes, choose, sizes_differ, warn_kink
-from lmoc.semantics.values.value import Value, as_real, from_numbers, number, record, stack
-from lmoc.semantics.values.variable_subscripts import replaced_where
+from lmoc.semantics.values.value import Value, from_numbers, number, record, stack
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 
 MAX_ITERATIONS = 10_000
-
-
 _RETURNED, _BROKEN = "return;", "break;"  # whether that has been met, beside the values: no variable has these names
 
 
@@ -109,7 +102,7 @@ class Algorithm:
         if value is None:
             value = nothing(self.context, variable, self.function)
         if value is not None:
-            self._check_type(name, mismatch(variable, value), variable.member.component.span)
+            check_type(name, mismatch(variable, value), variable.member.component.span)
             self.values[name] = widened(variable, value)
 
     def _statements(self, statements: tuple[tree.Statement, ...]) -> None:
@@ -199,7 +192,7 @@ class Algorithm:
         if variable.role == "input":
             raise Wrong("E0222", f"the input '{name}' cannot be assigned", span)
         if len(target.parts) == 1 and not target.parts[0].subscripts:
-            self._check_type(name, mismatch(variable, value), span)
+            check_type(name, mismatch(variable, value), span)
             old = self.values.get(name)
             if old is not None and old.dims != value.dims and not variable.open_size:
                 raise sizes_differ(f"'{name}' and what is assigned", old.dims, value.dims, span)
@@ -207,79 +200,7 @@ class Algorithm:
             return
         if name not in self.values:
             raise Wrong("E0216", f"'{name}' is not an array that has been given a size", target.span)
-        self.values[name] = self._with_part(self.values[name], target.parts, 0, value, span)
-
-    def _check_type(self, name: str, wrong: tuple[str, str] | None, span: Span) -> None:
-        if wrong is not None:
-            raise Wrong("E0301", f"'{name}' is of type {wrong[0]}", span, expected=wrong[0], found=wrong[1])
-
-    def _with_part(self, old: Value, parts: tuple[tree.RefPart, ...], k: int, value: Value, span: Span) -> Value:
-        """The value of ``parts[k]`` after ``parts[k][…].parts[k + 1]… := value``."""
-        part = parts[k]
-        if part.subscripts and len(part.subscripts) != len(old.dims):
-            count = len(old.dims)
-            raise Wrong("E0216", f"'{part.name}' has {count} dimension{'s' * (count != 1)}", part.span,
-                        expected=f"{count} subscripts", found=str(len(part.subscripts)))  # fmt: skip
-
-        def inside(element: Value, new: Value) -> Value:
-            return self._inside(element, parts, k, new, span)
-
-        return self._replaced(old, part.subscripts, value, part.name, span, inside)
-
-    def _inside(self, old: Value, parts: tuple[tree.RefPart, ...], k: int, value: Value, span: Span) -> Value:
-        """An element of ``parts[k]`` after the assignment: the value itself, or a record with one field changed."""
-        if k + 1 == len(parts):
-            if old.fields is None and value.fields is None:
-                fits = value.type == old.type or (old.type, value.type) == ("Real", "Integer")
-                self._check_type(parts[k].name, None if fits else (old.type, value.type), span)
-            elif set(old.fields or ()) != set(value.fields or ()):
-                self._check_type(parts[k].name, (old.type, value.type), span)
-            if old.dims != value.dims:
-                raise sizes_differ(f"'{parts[k].name}' and what is assigned", old.dims, value.dims, span)
-            return as_real(value) if old.type == "Real" else value
-        name = parts[k + 1].name
-        if old.fields is None or name not in old.fields:
-            raise Wrong("E0201", f"'{parts[k].name}' has no element '{name}'", parts[k + 1].span,
-                        hint=nearest(name, old.fields or ()))  # fmt: skip
-        field = self._with_part(old.fields[name], parts, k + 1, value, span)
-        return record({**old.fields, name: field}, old.dims, old.type)
-
-    def _replaced(
-        self,
-        array: Value,
-        subscripts: tuple[tree.Expression, ...],
-        value: Value,
-        name: str,
-        span: Span,
-        inside: Callable[[Value, Value], Value],
-    ) -> Value:
-        """The array with the elements that subscripts mean replaced by what `inside` makes of them and the value."""
-        if not subscripts:
-            return inside(array, value)
-        items = self.context.arrays.elements(array)
-        try:
-            where = subscript(self.context, subscripts[0], array.dims[0], name)
-        except NotKnownSubscript as by:
-            new = partial(self._replaced, subscripts=subscripts[1:], value=value, name=name, span=span, inside=inside)
-            return stack(replaced_where(self.context, by, items, span, new), array.dims[1:], array.type)
-        if isinstance(where, Slice):
-            places = [int(k) for k in where.index.reshape(-1)]
-            if not value.dims or value.dims[0] != len(places):
-                raise sizes_differ(f"'{name}' and what is assigned", (len(places),), value.dims, span)
-            parts = self.context.arrays.elements(value)
-        else:
-            places, parts = [self._place(where, subscripts[0])], [value]
-        for place, part in zip(places, parts, strict=True):
-            items[place] = self._replaced(items[place], subscripts[1:], part, name, span, inside)
-        return stack(items, array.dims[1:], array.type)
-
-    def _place(self, where: Index, subscript: tree.Expression) -> int:
-        """A position that is the same in all rows."""
-        if isinstance(where, int):
-            return where
-        if np.any(where != where.flat[0]):
-            raise NotAlike("a subscript", subscript.span)
-        return int(where.flat[0])
+        self.values[name] = with_part(self.context, self.values[name], target.parts, 0, value, span)
 
     def _if(self, s: tree.IfStatement) -> None:
         """Each branch runs on a copy of the values; where the condition is open, if-expressions join them."""

@@ -412,11 +412,16 @@ def _constant(context: Context, found: Member | Scope | Builtin, ref: tree.Ref) 
 
 def subscripted(context: Context, value: Value, part: tree.RefPart) -> Value:
     """Elements of a value that is not an array of variables: of a function's variable, of a package's constant."""
+    check_subscripts(part, value)
+    return _select(context, value, part, 0)
+
+
+def check_subscripts(part: tree.RefPart, value: Value) -> None:
+    """Refuse another number of subscripts than a value has dimensions."""
     if len(part.subscripts) != len(value.dims):
         count = len(value.dims)
         raise Wrong("E0216", f"'{part.name}' has {count} dimension{'s' * (count != 1)}", part.span,
                     expected=f"{count} subscripts", found=str(len(part.subscripts)))  # fmt: skip
-    return _select(context, value, part, 0)
 
 
 def _select(context: Context, value: Value, part: tree.RefPart, k: int) -> Value:
