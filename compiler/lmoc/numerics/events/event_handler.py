@@ -15,7 +15,7 @@ from lmoc.ir.flat import Kind
 from lmoc.messages.diagnostics import Report, Subject
 from lmoc.numerics.events.chatter import too_low, too_often, where
 from lmoc.numerics.events.closeness import located, near_to
-from lmoc.numerics.events.discrete_state import DiscreteState, differ
+from lmoc.numerics.events.discrete_state import DiscreteState
 from lmoc.numerics.events.happened import Happened, NotAState
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import moving_relations
@@ -238,8 +238,9 @@ class EventHandler:
         is_root = outcome.status is Status.ROOT
         if is_root:
             crossed, upwards = self._crossed(outcome.roots)
-            real = self._left_zero(t, x, crossed, errors)
-            crossed, upwards, is_root = crossed[real], upwards[real], bool(real.any()) or not len(real)
+            if np.ndim(errors) and self._comes_again(t, crossed):
+                real = self._left_zero(t, x, crossed, errors)
+                crossed, upwards, is_root = crossed[real], upwards[real], bool(real.any())
             if not is_root and t < self.until - near_to(t):
                 return x
         if is_root:
@@ -250,21 +251,24 @@ class EventHandler:
         found = self._asked(t, lambda: walk.after(t, x, is_root, outcome.step, folds))
         return None if found == OVER else x
 
-    def _left_zero(self, t: float, x: np.ndarray, crossed: np.ndarray, errors: np.ndarray | float) -> np.ndarray:
+    def _comes_again(self, t: float, crossed: np.ndarray) -> bool:
+        """Return whether one of these functions has crossed zero just before, and the motion is the same since."""
+        times, since = self._walk.times, max(self._turned, t - _SHORTLY * (self.end - self.begin))
+        return any(times[k, -1] > since for k in crossed.tolist())
+
+    def _left_zero(self, t: float, x: np.ndarray, crossed: np.ndarray, errors: np.ndarray) -> np.ndarray:
         """Return which of the functions that cross zero have been further away from it than steps leave open.
 
-        What has not is where it was, until it is so far on the other side. Where the event before has changed the
-        motion, it may well have sent a function back.
+        What has not is where it was, until it is so far on the other side. Where an event has changed the motion, that
+        may well have sent a function back.
         """
-        instant, last, span = self.discrete.instant, self._walk.times[crossed, -1], self.end - self.begin
-        again = (last > self._turned) & (t - last <= _SHORTLY * span) & ~self.layout.rounded[crossed]
-        if not again.any() or np.ndim(errors) == 0:
-            return np.ones(len(crossed), bool)
-        w, rate = self.discrete.registers(t, x), self.discrete.motion(t, x)[0]
-        left_open = noise(self.layout, w, t, rate, errors, span)[crossed]
-        again &= instant.largest[crossed] <= left_open
-        instant.margin[crossed[again]] = np.fmax(instant.margin[crossed], left_open)[again]
-        return ~again
+        instant, w, rate = self.discrete.instant, self.discrete.registers(t, x), self.discrete.motion(t, x)[0]
+        left_open = noise(self.layout, w, t, rate, errors, self.end - self.begin)[crossed]
+        back = np.array([self._comes_again(t, crossed[k : k + 1]) for k in range(len(crossed))])
+        back &= (instant.largest[crossed] <= left_open) & ~self.layout.rounded[crossed]
+        own = crossed[back]
+        instant.margin[own] = np.fmax(instant.margin[own], left_open[back])
+        return ~back
 
     def _fold(self, t: float, x: np.ndarray) -> bool:
         """Take other values of relations that cross zero again at an instant, if there are any."""
@@ -323,9 +327,8 @@ class EventHandler:
 
     def _turns_the_motion(self) -> bool:
         """Return whether an event has changed what the equations of the motion read."""
-        own = self.layout.rounded_by
-        held = self._walk.held[np.searchsorted(self.layout.events.discrete, own)]
-        return bool(differ(held, self.discrete.v[own]).any())
+        layout = self.layout
+        return bool((self._walk.held[layout.rounded_places] != self.discrete.v[layout.rounded_by]).any())
 
     def _energy(self, t: float, x: np.ndarray) -> float:
         """Book what energy a jump to states has cost as heat, what it has brought as work; return the loss."""
