@@ -176,7 +176,7 @@ def sensitivities(
     ModelError
         E0575: they are not available, and why; E0622: there is no such parameter or variable.
     """
-    from lmoc.numerics.run.saltation import with_events
+    from lmoc.numerics.run.along_events import with_events
     from lmoc.numerics.run.sensitivities import check_motion, refused
 
     check_motion(run.trajectory)

@@ -11,30 +11,17 @@ there is none; nor where a function of an event comes as near to zero as a milli
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from lmoc.messages.diagnostics import ModelError
-from lmoc.numerics.events.closeness import located, near_to
-from lmoc.numerics.events.occasion import Behind, Occasion, behind
-from lmoc.numerics.observe.slices import slice_of
-from lmoc.numerics.observe.trajectory import SegmentRecord, Trajectory
+from lmoc.numerics.events.closeness import near_to
+from lmoc.numerics.events.occasion import Behind, behind
 from lmoc.numerics.problem.status import Status, Stopped
-from lmoc.numerics.run.sensitivities import (
-    Direction,
-    OtherSide,
-    Part,
-    Sensitivities,
-    Tangent,
-    base_derivatives,
-    check_motion,
-    methods_for,
-    refused,
-    sizes_of,
-)
+from lmoc.numerics.run.sensitivities import Tangent, refused
 from lmoc.numerics.run.surroundings import LITTLE, OVER_EVENTS, Surroundings
-from lmoc.numerics.run.tangents import Tangents, agree
+from lmoc.numerics.run.tangents import Tangents
 from lmoc.support.records import replace
 
 _SHRINK, _TRIES = 8.0, 4  # of that step, where it is too coarse
@@ -42,152 +29,9 @@ _BENT = 1e-2  # share by which differences to both sides may differ: the error o
 _NOISE = 1e-12  # of the sizes, what does not count in that
 _SHORT = 1e-4  # of the time since the last instant, over which slopes of functions are taken
 _TOGETHER = 1e-5  # share by which functions that vanish at one instant may move apart
-_ROUNDING = 1e-9  # of the time, what does not count in that
-_SAME_PLACE = 1e-6  # of a state, and of one: closed loops have other solutions elsewhere
-_PLACES = 12, 400  # in a segment at which functions are looked at, at least and at most
+ROUNDING = 1e-9  # of the time, what does not count in that
 
 Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as of `HybridDynamics.heights`
-
-
-def with_events(
-    trajectory: Trajectory, first: Tangent, directions: Sequence[Direction], occasions: Sequence[Occasion],
-    rtol: float,
-) -> Sensitivities:  # fmt: skip
-    """Return the derivatives of a motion, smooth or with events.
-
-    Parameters
-    ----------
-    first : where it starts, behind what happens there
-    occasions : the instants at which something happens
-    rtol : relative tolerance
-
-    Raises
-    ------
-    ModelError
-        E0575: there are none, and why.
-    """
-    check_motion(trajectory)
-    accumulation = next((e for e in trajectory.events if e.kind == "accumulation"), None)
-    if accumulation is not None:
-        raise refused(f"the impacts of '{accumulation.name}' accumulate at t = {accumulation.time:.6g} s")
-    segments, at, parts = trajectory.segments, first, []
-    methods = methods_for(str(trajectory.stats["solver"]))
-    bases, by_segment = {}, {o.segment: o for o in occasions}
-    since = segments[0].begin
-    each = trajectory.stats.get("steps", 0) / max(trajectory.last[0] - since, 1e-300)
-    saltation: Saltation | None = None
-    left = segments[0], first, np.ones(len(first.x))  # where the latest instant has been, before it
-    known: dict[tuple[str, ...], np.ndarray] = {}  # sizes of the states, by the coordinates
-    for k, segment in enumerate(segments):
-        named = tuple(segment.coordinates)
-        if named not in known:
-            known[named] = sizes_of([s for s in segments if s.coordinates == segment.coordinates])
-        sizes = known[named]
-        sweep = Tangents(segment.observer, directions, at.base, sizes, rtol, methods)
-        following, occasion = segments[k + 1] if k + 1 < len(segments) else None, by_segment.get(k)
-        moved, came, others = at, saltation, ()
-        if came is not None:
-            at = replace(at, by=at.by - np.outer(came.delays, sweep.rates(at.time, at.x)))
-            others = _on_both_sides(parts, segment, left, (at, sizes), came, rtol)
-            if _follows_at_once(occasion, at.time, segments[0].begin):
-                by = np.repeat(at.by[:, None], len(segment.time), axis=1)
-                parts.append(Part(segment, by, at.base, sizes, others))
-                left = segment, at, sizes
-                around = Surroundings(occasion, directions, sizes, came.since)
-                saltation = Saltation(around, sweep, replace(moved, x=occasion.outcome.x), came.delays)
-                at = saltation.behind
-                continue
-        end = following.begin if following is not None else max(at.time, trajectory.last[0])
-        grid = np.linspace(at.time, end, _places(each * (end - at.time)))[1:] if occasion is not None else [end]
-        times, own = np.unique(np.concatenate([segment.time, grid]), return_inverse=True)
-        states, tangents, bent = sweep.go(at, times)
-        own = own[: len(segment.time)]
-        agree(sweep.plan, states[own], segment.table, sizes, 10 * sweep.rtol)
-        for moving, place in bent:
-            near = np.flatnonzero(np.abs(segment.time - place.time) <= _ROUNDING * abs(place.time))
-            others += tuple(OtherSide(k, segment, place, sizes, moving, "") for k in near.tolist())
-        sweep.check_slopes(times, states, tangents)
-        parts.append(Part(segment, tangents[:, own], at.base, sizes, others))
-        place, saltation = Tangent(end, states[-1], tangents[:, -1], at.base), None
-        if occasion is not None:
-            around = Surroundings(occasion, directions, sizes, since)
-            around.check(at.time, times, states, tangents, at.base, sweep)
-            since = occasion.outcome.time
-            if following is not None and occasion.behind is not None:
-                place = replace(place, x=occasion.outcome.x)
-                saltation = Saltation(around, sweep, place)
-                left, place = (segment, place, sizes), saltation.behind
-            elif following is None:
-                around.check_end(place, sweep, rtol)
-        elif following is not None:
-            place = _in_other_coordinates(segment, following, place, sweep, bases)
-        at = place
-    return Sensitivities(directions, parts, rtol)
-
-
-def _on_both_sides(
-    parts: list[Part], segment: SegmentRecord, left: tuple[SegmentRecord, Tangent, np.ndarray],
-    right: tuple[Tangent, np.ndarray], came: Saltation, rtol: float,
-) -> tuple[OtherSide, ...]:  # fmt: skip
-    """Return what is before an instant, for outputs behind it; outputs before it are given what is behind.
-
-    Parameters
-    ----------
-    segment : behind the instant
-    left, right : the places on both sides of it with the sizes of the states, and the segment before
-    """
-    if not came.moving.any():
-        return ()
-    before = [
-        OtherSide(k, segment, *right, came.moving, came.said) for k in came.near(parts[-1].segment.time, rtol).tolist()
-    ]
-    if before:
-        parts[-1] = replace(parts[-1], others=(*parts[-1].others, *before))
-    behind = came.near(segment.time, rtol).tolist()
-    return tuple(OtherSide(k, *left, came.moving, came.said) for k in behind)
-
-
-def _follows_at_once(occasion: Occasion | None, time: float, start: float) -> bool:
-    """Return whether an instant is the one before it, but for rounding, and the run goes on behind it.
-
-    A condition that an event has made true may be false again as soon as the motion turns back there.
-    """
-    if occasion is None or occasion.behind is None:
-        return False
-    return occasion.outcome.time - time <= located(time, start)
-
-
-def _places(steps: float) -> int:
-    return int(min(max(_PLACES[0], 4 * steps), _PLACES[1]))
-
-
-def _in_other_coordinates(
-    segment: SegmentRecord, following: SegmentRecord, at: Tangent, sweep: Tangents, bases: dict[int, np.ndarray]
-) -> Tangent:
-    """Return the same place with its derivatives in the coordinates that follow: these are functions of the others.
-
-    Parameters
-    ----------
-    bases : derivatives of what follows from parameters alone, by the plan
-    """
-    observer, plan = segment.observer, following.observer.plan
-    table, places = plan.reduced.registers, np.array([at.time])
-    jets = zip(table.variable[plan.states].tolist(), table.order[plan.states].tolist(), strict=True)
-    register_of = observer.plan.reduced.register_of
-    registers = np.array([observer.derivative(v, n) if n else register_of[v] for v, n in jets])
-    if registers.min(initial=0) < 0:
-        raise refused(f"the coordinates change at t = {at.time:.6g} s to some that are no variables")
-    x = observer.followed(slice_of(observer.plan, registers))(places, at.x[None])[0]
-    found, by = sweep.others(at, registers)
-    if not (np.abs(found - x) <= _SAME_PLACE * (1.0 + np.abs(x))).all() or not np.isfinite(by).all():
-        raise refused(f"the coordinates change at t = {at.time:.6g} s, where closed loops have no derivatives")
-    if id(plan) not in bases:
-        bases[id(plan)] = base_derivatives(following.observer, sweep.directions)
-    base, events = bases[id(plan)].copy(), plan.reduced.flat.events
-    if events is not None:  # which discrete variables take along
-        to, of = (s.observer.plan.reduced.register_of[events.discrete] for s in (following, segment))
-        base[:, to] = at.base[:, of]
-    return Tangent(at.time, x, by, base)
 
 
 class Saltation:
@@ -243,13 +87,13 @@ class Saltation:
 
     def near(self, times: np.ndarray, rtol: float) -> np.ndarray:
         """Return which times, s, are at the instant, within what is known of it; rtol : of the run."""
-        return np.flatnonzero(np.abs(times - self._at.time) <= max(rtol, _ROUNDING) * self._span)
+        return np.flatnonzero(np.abs(times - self._at.time) <= max(rtol, ROUNDING) * self._span)
 
     @property
     def moving(self) -> np.ndarray:
         """(m,) which quantities move the instant."""
         sizes = np.array([d.size for d in self._around.directions])
-        return np.abs(self.delays) * sizes > _ROUNDING * self._span
+        return np.abs(self.delays) * sizes > ROUNDING * self._span
 
     @property
     def _span(self) -> float:
@@ -353,7 +197,7 @@ class Saltation:
                 if last and len(missing) == 1:
                     return later
                 missing = self._missing(values, x, later)
-            apart = np.abs(missing) > _TOGETHER * np.abs(self._slope) * max(abs(later), _ROUNDING * abs(at.time))
+            apart = np.abs(missing) > _TOGETHER * np.abs(self._slope) * max(abs(later), ROUNDING * abs(at.time))
         if apart.any():
             raise self._coincides(which)
         return later
@@ -368,7 +212,7 @@ class Saltation:
             self._around.recall(self._around.change(which, sign * change), at.base)
             x = at.x + sign * change * at.by[which]
             sides.append(self._missing(self._around.dynamics.heights(), x, sign * later))
-        most = _TOGETHER * np.abs(self._slope) * max(abs(later), _ROUNDING * abs(at.time))
+        most = _TOGETHER * np.abs(self._slope) * max(abs(later), ROUNDING * abs(at.time))
         if (np.abs(sides[1] - sides[0]) / 2 > most).any():
             raise self._coincides(which)
         return later
