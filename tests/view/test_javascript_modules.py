@@ -130,6 +130,15 @@ def test_marks_of_an_axis_have_the_digits_that_tell_them_apart(marks, step, text
     assert run_script(joined("plots.js") + body) == texts
 
 
+def test_an_event_says_what_has_changed():
+    """Friction that turns goes on in its mode; an impact that opens nothing stays one."""
+    rows = [("unlock", "unlocked", "unlocked"), ("unlock", "locked", "unlocked"), ("impact", "open", "open")]
+    events = [{"time": 1.5, "name": "c", "kind": kind, "before": a, "after": b} for kind, a, b in rows]
+    told = run_script(joined("events.js") + f"console.log(JSON.stringify({json.dumps(events)}.map(eventText)));")
+    what = ["reversal (unlocked)", "unlock (locked → unlocked)", "impact (open)"]
+    assert told == [f"t = 1.5 s, c: {one}" for one in what]
+
+
 def test_a_slack_string_is_as_long_as_it_is():
     """The length of the curve between two points at a distance of 80 px with 5 px of slack."""
     body = """

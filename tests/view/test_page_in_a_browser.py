@@ -287,10 +287,14 @@ def test_a_mass_on_a_string_is_dragged_no_farther_than_the_string_is_long():
       await drag("#stage .mass .line", 900, 0);
       const far = init();
       await drag("#stage .mass .line", -30, 0);
-      return { far, back: init(), trouble: $("trouble").textContent };
+      const back = init(), trouble = $("trouble").textContent;
+      await drag("#stage .wall .line", 9, 9);
+      const same = JSON.stringify(init()) === JSON.stringify(back);
+      return { far, back, trouble, same, told: $("trouble").textContent };
     """)  # fmt: skip
     found = seen.answer
-    assert seen.console == [] and found["trouble"] == ""
+    assert seen.console == [] and found["trouble"] == "" and found["same"]
+    assert found["told"] in ("wall does not move in the picture.", "other does not move in the picture.")
     assert 1 - 1e-4 < found["far"]["body.q"] <= 1 + 1e-9  # how near to it depends on when the pointer is heard
     assert found["back"]["body.q"] < 1
 

@@ -16,7 +16,11 @@ export class Drag {
   take(k, place) {
     const { player, engine, motion, swing, places, data, stage, init } = this.page;
     const item = data.picture.items[k];
-    if (engine === null || swing !== null || !canBeTaken(item)) return false;
+    if (engine === null || swing !== null || !canBeTaken(item)) {
+      if (swing !== null) sayHeld("The picture swings in a mode: only in the run parts follow the hand.");
+      else if (engine !== null) sayHeld(item.part ? `${item.part} does not move in the picture.` : "This arrow shows how a coordinate counts: drag the part that moves.");
+      return false;
+    }
     const pulls = player.playing && gripAt(item, motion.vertex(item, place, places(player.t)), data.script) !== undefined;
     if (!pulls) {
       if (player.playing) player.pause();

@@ -136,7 +136,7 @@ export class HybridDynamics {
     const [first, before, after, moved, unbooked] = [0, 1, 2, 3, 4].map((which) => exports.lmoc_page_stepped(page, which));
     const [name, t] = [data.jumps.names[first], exports.lmoc_page_instant(page)];
     const [was, is] = [before, after].map((v) => String(Number(v.toPrecision(6))));
-    if (found === NO_ANSWER) throw new Stopped(`the run stops at t = ${t.toPrecision(6)} s: the equations have no solution there`);
+    if (found === NO_ANSWER || (found !== 0 && Number.isNaN(before + after))) throw new Stopped(`the run stops at t = ${t.toPrecision(6)} s: the equations have no solution there`);
     if (found <= STRUCK) this.laws.judge(t, STRUCK - found);
     if (found < 0) throw new Stopped(`'${name}' jumps from ${was} to ${is} at t = ${t.toPrecision(6)} s, and ${data.jumps.reasons[-found]}`);
     if (unbooked) this.unbooked = Math.min(this.unbooked, t);

@@ -133,7 +133,7 @@ class Page {
       this.remember();
     });
     listenToHand(this.stage, {
-      wanted: (item) => item.part !== "" || canBeTaken(item),
+      wanted: (item) => item.part !== "" || item.symbol === "coordinate" || canBeTaken(item),
       pick: (k) => this.choose(picture.items[k].part === this.card.part ? "" : picture.items[k].part),
       take: (k, place) => this.drag.take(k, place),
       move: (place) => this.drag.move(place),
