@@ -277,6 +277,18 @@ def test_a_formula_without_room_at_its_arrow_is_a_symbol():
     assert up == {"rope", "contact"}  # the string pulls, the floor pushes
 
 
+def test_a_force_without_room_at_its_arrow_has_the_sign_of_its_part():
+    dae = lmoc.compile_text(
+        "model S TableForce push(table = {{-1, 2}, {0, 0}, {1, -1}}); Mass mass(m = 1, q(start = 0.5, fixed = true));"
+        "equation connect(push.flange, mass.flange); annotation(experiment(StopTime = 0.01)); end S;"
+    )
+    run = dae.simulate(points=2)
+    items = dae.draw(free_body=True, run=run, time=0).picture.items
+    seen = {plain(s.text) for i in items for s in i.shapes if isinstance(s, Label)}
+    assert run["push.f"][0] == run["mass.a"][0] < 0
+    assert {f"f = \N{MINUS SIGN}{-run['push.f'][0]:.4g} N", "m·q\u0308 = f"} <= seen
+
+
 def test_bodies_beside_parts_that_are_left_out_feel_these_parts():
     items = compiled(NOTES.parent / "laws" / "wagons.lmo").draw(free_body=True).picture.items
     texts = [plain(s.text) for i in items if i.symbol == "balance" for s in i.shapes if isinstance(s, Label)]

@@ -245,10 +245,15 @@ class _Laws:
         return [int(v[0]) for v in variables if v is not None and len(v) == 1 and kinds[v[0]] == Kind.UNKNOWN]
 
     def _by_name(self, element: Element, port: Port) -> sympy.Expr:
-        """A flow as a symbol: the part's tension where it has one."""
+        """A flow as a symbol: the part's tension where it has one, or the force that it declares to be the same."""
         own = self._forces(element)
         if element.symbol in TENSION and len(element.ports) == 2 and own:
             return self.laws.symbol(own[0]) * (-1 if port.name == element.ports[0].name else 1)
+        flow = self.laws.value(port.flows[0])
+        for variable in own:
+            declared = self.laws.value(variable)
+            if flow in (declared, -declared):
+                return self.laws.symbol(variable) * (1 if flow == declared else -1)
         return self.laws.symbol(port.flows[0])
 
     def parameter(self, graph: Graph, element: Element, name: str) -> sympy.Expr | None:
