@@ -243,7 +243,7 @@ class LawRun:
 
     def told(self) -> Told:
         """Return what has happened last."""
-        return Told(*(getattr(self, name) for name in _TOLD), self.data.law)
+        return Told(**{name: getattr(self, name) for name in _TOLD}, law=self.data.law)
 
     def kept(self, memory: Array) -> list[tuple[Mode, Array, Told]]:
         """Return the mode behind some instants, the rounding there as of `rounding`, and what has happened.
