@@ -298,3 +298,18 @@ const place = ([q]) => [0.02 + 7e-18 * (calls++ % 2), 0.03 + 1e-3 * (q + 0.06)];
 console.log(JSON.stringify(compliance(scene, {{ t: 0, x: [-0.06, 0] }}, 2, place, ([fx, fy]) => (pushed = fx + fy))));
 """
     assert run_script(script) == {"order": -1, "value": 0}
+
+
+@pytest.mark.parametrize(("most", "held"), [(2, {"m.flange", "a.b"}), (1, {"m.flange"})])
+def test_large_scenes_are_pulled_where_they_have_inertia(monkeypatch, most, held):
+    monkeypatch.setattr("lmoc.view.page.hands.MOST_STATES", most)
+    run = lmoc.compile_text("""
+    model M
+      Fixed wall;
+      Spring a(k = 3), b(k = 2);
+      Mass m(m = 1, q(start = 0.2, fixed = true), v(start = 0, fixed = true));
+    equation
+      connect(wall.flange, a.a); connect(a.b, b.a); connect(b.b, m.flange);
+    end M;""").simulate(stop=1, points=3)  # fmt: skip
+    _, own, _ = run_with_hands(run, ["m.flange.q", "a.b.q"])
+    assert {hand.name for hand in own} == held

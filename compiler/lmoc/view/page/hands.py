@@ -22,6 +22,7 @@ from lmoc.support.records import dataclass
 
 MOST_HANDS = 120
 MOST_STEPS = 20_000  # of a run that is made again with hands
+MOST_STATES = 400  # of a scene that is also pulled where nothing has inertia: a hand is a term of its linear systems
 KINDS = {("m",): "line", ("rad",): "shaft", ("m", "m"): "point", ("m", "m", "rad"): "frame"}
 SAME = 1e-9  # of the largest value of a state: nearer starts are the same
 SIGNALS = {"line": 2, "shaft": 2, "point": 3, "frame": 5}  # stiffness, target, and where on a frame
@@ -104,14 +105,15 @@ def _rows(sums: Sums) -> dict[int, int]:
 def run_with_hands(run: Result, names: Sequence[str]) -> tuple[Result, list[Hand], dict[str, int]] | None:
     """Return the run again with hands at the nodes of named variables, and which hand each is moved by.
 
-    Where a scene does not run with all of them, only parts with inertia are pulled. None where there is nothing to be
-    pulled, or where the run is too long.
+    Where a scene does not run with all of them, or is large, only parts with inertia are pulled. None where there is
+    nothing to be pulled, or where the run is too long.
     """
     flat = run.reduced.lawful or run.flat
     if run.extended is None or not run.complete or float(run.stats.get("steps", MOST_STEPS)) >= MOST_STEPS:
         return None
     every, places = hands_at(flat, names)
-    for kept in (every, [h for h in every if h.inert]):
+    inert = [h for h in every if h.inert]
+    for kept in (every, inert) if len(run.states) <= MOST_STATES else (inert,):
         extended, hands, nothing = with_hands(flat, kept)
         try:
             held = run.extended(extended, nothing) if kept else None
