@@ -50,7 +50,7 @@ class Laws(NamedTuple):
     """The laws of a run: where they are, their memory, and what the method allows itself, (states,) each."""
 
     address: int
-    count: int
+    size: int
     memory: np.ndarray
     errors: np.ndarray
     unresolved: np.ndarray
@@ -77,16 +77,16 @@ class Past(NamedTuple):
 
     Attributes
     ----------
-    count : how many
-    base : (count, registers) that stayed as they were
-    largest, states : (count, n) magnitudes of the states, and the states behind its end
-    ended : (count,) s
-    until : (count,) output times up to its end
-    kept : (count + 1, …) the memory of the laws at the beginning of each, with the law of the impact before in the end
+    passed : how many
+    base : (passed, registers) that stayed as they were
+    largest, states : (passed, n) magnitudes of the states, and the states behind its end
+    ended : (passed,) s
+    until : (passed,) output times up to its end
+    kept : (passed + 1, …) the memory of the laws at the beginning of each, with the law of the impact before in the end
     steps, rejected, evaluations : of all of them
     """
 
-    count: int
+    passed: int
     base: np.ndarray
     largest: np.ndarray
     states: np.ndarray
@@ -122,7 +122,7 @@ class LawSegments:
         ]
         programs = (_Given * len(own))(*own)
         tables = [np.ascontiguousarray(t, np.int64) for t in mode]
-        self._x, self._work = np.zeros(n), np.zeros(7 * n + 2 * watched.data.chosen + 9 * laws.count)
+        self._x, self._work = np.zeros(n), np.zeros(7 * n + 2 * watched.data.chosen + 9 * laws.size)
         self._registers, self._n, self._size = registers, n, size
         self._data = _Segments(
             method.taylor, method.walk, ctypes.addressof(method.rates), ctypes.addressof(watched.data), laws.address,

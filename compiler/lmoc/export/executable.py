@@ -310,7 +310,7 @@ def _unknowns(tape: Tape) -> np.ndarray:
 def _turning(plan: Plan, unknowns: np.ndarray) -> np.ndarray:
     variables = plan.reduced.registers.variable[unknowns]
     is_length = plan.reduced.flat.per_variable(lambda b: b.unit == "m", np.bool_)
-    return (variables < 0) | ~is_length[variables]
+    return np.asarray((variables < 0) | ~is_length[variables])
 
 
 def _parameter_program(dae: CompiledDAE, plan: Plan) -> tuple[Program, np.ndarray]:

@@ -16,7 +16,13 @@ SYMBOLS = frozenset(
     """.split()
 )
 
-Condition = tuple  # ("name",), ("not", condition), ("and", condition, condition), ("or", condition, condition), or ()
+
+@dataclass(frozen=True)
+class Condition:
+    """When a primitive is seen: where a parameter of the part holds, or "not", "and" or "or" of other conditions."""
+
+    operator: str  # the parameter's name where there are no sides
+    sides: tuple[Condition, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -32,7 +38,7 @@ class Drawn:
     colour : of the line or the text, "#rrggbb"; "none" for no line, "" for that of the picture
     paint : colour of the area, likewise
     dashed : the line is
-    visible : a condition in parameters of the part, ``("not", ("useSupport",))``; always without one
+    visible : a condition in parameters of the part; always without one
     """
 
     kind: str
@@ -42,7 +48,7 @@ class Drawn:
     colour: str = ""
     paint: str = ""
     dashed: bool = False
-    visible: Condition = ()
+    visible: Condition | None = None
 
 
 @dataclass(frozen=True)

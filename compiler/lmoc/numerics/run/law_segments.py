@@ -125,7 +125,7 @@ class ThroughLaws:
             now.pass_by(time, told, mode)
             count(time, now.records)
             records.append(segment.record())
-            if k + 1 < past.count:
+            if k + 1 < past.passed:
                 observer = Observer(segment.plan, task.values, past.base[k + 1], now.signals)
                 segment = Segment(observer, self.system, time, task.span.times, began.first + last, self.variables)
                 segment.mode, segment.rounding, first = mode, rounding, last

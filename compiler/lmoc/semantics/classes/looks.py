@@ -105,21 +105,21 @@ def _drawn(item: tree.Expression, scaled) -> Drawn:
         kind, points = "Polygon", ((a, b), (c, b), (c, d), (a, d))
     words = text.value if isinstance(text, tree.String) else ""
     colours = _line(kind, given), _colour(given, "fillColor")
-    visible = _condition(given["visible"]) if "visible" in given else ()
+    visible = _condition(given["visible"]) if "visible" in given else None
     return Drawn(kind.lower(), scaled(points), words, filled, *colours, _dashed(given), visible)
 
 
-def _condition(value: tree.Expression) -> Condition:
+def _condition(value: tree.Expression) -> Condition | None:
     """``visible = not useSupport`` in parameters of the part; nothing, which is always, for what says it otherwise."""
     if isinstance(value, tree.Ref):
-        return (str(value),)
+        return Condition(str(value))
     if isinstance(value, tree.Unary) and value.op == "not":
         inner = _condition(value.operand)
-        return ("not", inner) if inner else ()
+        return Condition("not", (inner,)) if inner else None
     if isinstance(value, tree.Binary) and value.op in ("and", "or"):
-        sides = _condition(value.left), _condition(value.right)
-        return (value.op, *sides) if all(sides) else ()
-    return ()
+        left, right = _condition(value.left), _condition(value.right)
+        return Condition(value.op, (left, right)) if left and right else None
+    return None
 
 
 def _static(value: tree.Expression) -> tree.Expression:

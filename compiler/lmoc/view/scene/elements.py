@@ -112,11 +112,10 @@ class Graph:
 
     def _holds(self, element: Element, condition: Condition) -> bool:
         """Return whether a condition holds; what is no parameter with a value does."""
-        operator, *sides = condition
-        if not sides:
-            return self.value(element, operator, 1.0) != 0
-        held = [self._holds(element, side) for side in sides]
-        return not held[0] if operator == "not" else all(held) if operator == "and" else any(held)
+        if not condition.sides:
+            return self.value(element, condition.operator, 1.0) != 0
+        held = [self._holds(element, side) for side in condition.sides]
+        return {"not": not held[0], "and": all(held), "or": any(held)}[condition.operator]
 
     def _worded(self, element: Element, drawn: Drawn, numbers: bool) -> Drawn | None:
         def word(match: re.Match[str]) -> str:
