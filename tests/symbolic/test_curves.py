@@ -142,3 +142,11 @@ def test_the_slope_of_a_curve_is_no_other_variable_of_the_model():
     ).equations().equations
     own, acceleration, q, h = sp.symbols("h_slope der(der(q)) q h")
     assert sp.simplify(equation.residual / (own * acceleration + 5 * q + h)).is_number
+
+
+def test_squares_go_where_they_are_of_a_polynomial():
+    from lmoc.symbolic.sorting import without_squares
+
+    a, b = sp.symbols("a b")
+    held = 1 / (1 + sp.cos(a))
+    assert without_squares(sp.sin(b) ** 2 + sp.cos(b) ** 2 + held) == 1 + held

@@ -131,7 +131,7 @@ def test_nothing_crosses_in_the_scenes_of_the_notes(path):
     graph = shown(flat, flat.parameter_values()).graph
     style = style_of(graph, Names(graph))
     for domain in ("line", "shaft"):
-        for strip in strips_of(graph, graph.elements, domain):
+        for strip in strips_of(graph.elements, domain):
             strip.shaft = domain == "shaft"
             assert draw_strip(strip, style).conflicts == 0
 

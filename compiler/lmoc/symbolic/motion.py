@@ -226,8 +226,10 @@ def _rolling(kinematics: Kinematics, laws: PartLaws) -> dict[sympy.Symbol, sympy
         rate = jet_symbol(q.name, 1)
         rows = ((slope(r, rate), r) for r in residuals if r.has(rate))
         for factor, residual in rows:
+            if not factor.free_symbols <= kinematics.parameters:
+                continue
             value = without_squares((rate - residual / factor).expand())
-            if factor.free_symbols <= kinematics.parameters and known >= value.free_symbols - kinematics.parameters:
+            if known >= value.free_symbols - kinematics.parameters:
                 found |= {rate: value, jet_symbol(q.name, 2): kinematics.rate(value)}
                 break
     return found

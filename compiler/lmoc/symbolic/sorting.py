@@ -118,11 +118,16 @@ def solved_equation(rate: sympy.Expr, coordinate: sympy.Symbol, order: int) -> E
 
 
 def without_squares(polynomial: sympy.Expr) -> sympy.Expr:
-    """A polynomial in sines and cosines with sin² + cos² = 1, whichever of the two that makes shorter."""
+    """A polynomial in sines and cosines with sin² + cos² = 1, whichever of the two that makes shorter.
+
+    Angles in whose sine and cosine it is none, ``1/(1 + cos θ)``, stay as they are.
+    """
     import sympy as sp
 
     for angle in sorted({f.args[0] for f in polynomial.atoms(sp.sin, sp.cos)}, key=sp.default_sort_key):
         pair = sp.sin(angle), sp.cos(angle)
+        if not polynomial.is_polynomial(*pair):
+            continue
         forms = [polynomial]
         for one, other in (pair, pair[::-1]):
             rest = sp.rem(polynomial, one**2 + other**2 - 1, one)
