@@ -86,10 +86,10 @@ class ThroughLaws:
         read = now.laws.reader(now.base(), now.signals)
         (own,) = watched(read, 0, laws=now.laws.run.address)
         ((_, rates),) = segment.system.programs()
-        series = self.series.with_series(order_for(self._rtol))
+        self._order = order_for(self._rtol)
+        series = self.series.with_series(self._order)
         method = Method(ctypes.addressof(series), ctypes.addressof(walk), rates)
         every = *self.series.programs(), *segment.system.programs(), *programs(read)
-        self._order = order_for(self._rtol)
         registers, count = now.laws.mode_registers, segment.plan.count
         self._in_c = LawSegments(method, own, now.laws.run.in_c, registers, every, count)
         self._kept = memory, read
