@@ -66,6 +66,15 @@ def test_a_jump_of_friction_that_others_count_does_not_make_it_stick_again():
     assert sum(e.kind == "slip" for e in run.events) == 1
 
 
+def test_friction_that_a_bounce_turns_opens_nothing():
+    wall = "Stop wall(e = 0.5, L = 0); Fixed side(q0 = 1);"
+    run = block(0, wall, "connect(body.flange, wall.a); connect(side.flange, wall.b);")
+    assert {(e.name, e.kind, e.before, e.after) for e in run.events[:2]} == {
+        ("wall", "impact", "open", "open"), ("friction", "reversal", "slip", "slip"),
+    }  # fmt: skip
+    assert [e.kind for e in run.events[2:]] == ["stick"]
+
+
 def test_a_string_opens_with_what_depends_on_its_tension():
     run = lmoc.compile_text(STRING).simulate(stop=3, rtol=1e-9)
     t = run.time

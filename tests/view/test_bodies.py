@@ -356,4 +356,5 @@ def test_all_that_turns_with_a_shaft_is_in_its_balance():
     for text, left in ((swinging, "m·l^{2}·θ̈ ="), (joined, "(J_{1} + J_{2})·θ̈ =")):
         picture = lmoc.compile_text(text).draw(free_body=True).picture
         texts = [s.text for i in picture.items for s in i.shapes if hasattr(s, "text")]
-        assert any(t.startswith(left) for t in texts), texts
+        assert sum(t.startswith(left) for t in texts) == 1, texts
+    assert "J_{1} + J_{2}" in texts and "−k·θ_{a}" not in "".join(texts)

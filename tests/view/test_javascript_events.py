@@ -121,7 +121,7 @@ def test_steps_of_what_is_prescribed():
     found += repeated([(compiled(MODELS / "laws" / "h20_road_step.lmo"), {"U": 1.5})], **options)
     judge(found, 1e-8)
     kinds = [e.kind for e in found[0][1].events]
-    assert kinds.count("step") > 4 and {"impact", "slip", "when"} <= set(kinds)
+    assert kinds.count("step") > 4 and {"impact", "reversal", "when"} <= set(kinds)
     assert found[0][1]["last"][-1] == pytest.approx(2, rel=1e-12)
 
 

@@ -131,8 +131,8 @@ def test_marks_of_an_axis_have_the_digits_that_tell_them_apart(marks, step, text
 
 
 def test_an_event_says_what_has_changed():
-    """Friction that turns goes on in its mode; an impact that opens nothing stays one."""
-    rows = [("unlock", "unlocked", "unlocked"), ("unlock", "locked", "unlocked"), ("impact", "open", "open")]
+    """Between which modes, where these are two."""
+    rows = [("reversal", "unlocked", "unlocked"), ("unlock", "locked", "unlocked"), ("impact", "open", "open")]
     events = [{"time": 1.5, "name": "c", "kind": kind, "before": a, "after": b} for kind, a, b in rows]
     told = run_script(joined("events.js") + f"console.log(JSON.stringify({json.dumps(events)}.map(eventText)));")
     what = ["reversal (unlocked)", "unlock (locked → unlocked)", "impact (open)"]

@@ -13,6 +13,8 @@ from lmoc.ir.law import COMPLEMENTARY, LawKind, Laws, law_count
 ORIGIN = "law"
 WORDS = {"release": "open", "unlock": "unlocked", "lock": "locked"}  # modes whose names are not those of the events
 
+REVERSAL = "reversal"  # of friction that slips on, the other way
+
 
 def law_rows(flat: FlatDAE, groups: tuple[Laws, ...]) -> list[tuple[str, Laws]]:
     """Return the name of each law's part, and its group."""
@@ -30,6 +32,11 @@ def mode_word(laws: Laws, closed: bool) -> str:
     """Return what the mode of one law is called, such as taut or slack."""
     word = laws.closing if closed else laws.opening
     return WORDS.get(word, word)
+
+
+def event_word(laws: Laws, was: bool, now: bool) -> str:
+    """Return what it is called that the mode of a law changes; friction that goes on the other way opens nothing."""
+    return laws.closing if now else laws.opening if was else REVERSAL
 
 
 def mode_words(flat: FlatDAE, groups: tuple[Laws, ...], closed: np.ndarray) -> dict[str, str]:

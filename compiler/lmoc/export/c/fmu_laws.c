@@ -156,7 +156,8 @@ static void note(const fmu *f) {
   for (int64_t i = 0; i < l->laws.count; i++) {
     const int64_t kind = f->laws.kind[i];
     const char *word = kind == LMOC_ACCUMULATION ? "accumulation" : kind == LMOC_IMPACT ? "impact"
-                       : kind == LMOC_CLOSING ? l->closings[i] : l->openings[i];
+                       : kind == LMOC_CLOSING ? l->closings[i]
+                       : f->laws.was[i] ? l->openings[i] : "reversal";
     if (kind == LMOC_NO_EVENT) continue;
     snprintf(text, sizeof text, "t = %.15g s: %.200s: %s, impulse %.9g, energy lost %.9g", f->laws.when[i], l->names[i], word,
              f->laws.impulse[i], f->laws.lost[i]);

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lmoc.engine.segments import ModeRegisters
 from lmoc.ir.law import Switched
-from lmoc.ir.mode import law_rows, mode_word
+from lmoc.ir.mode import event_word, law_rows, mode_word
 from lmoc.numerics.evaluate.function import watched
 from lmoc.numerics.laws.complementarity import Array
 from lmoc.numerics.laws.contradiction import Contradiction
@@ -331,7 +331,7 @@ class LawSwitching:
                 Event(
                     float(run.when[k]),
                     name,
-                    own or (laws.closing if now else laws.opening),
+                    own or event_word(laws, was, now),
                     mode_word(laws, was),
                     mode_word(laws, now),
                     impulse,

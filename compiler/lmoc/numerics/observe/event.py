@@ -15,7 +15,8 @@ class Event:
     ----------
     time : s
     name : the part, or the condition, that it happened to
-    kind : taut, slack, contact, release, impact, stick, slip, lock, unlock, when, time, accumulation, start, step, …
+    kind : taut, slack, contact, release, impact, stick, slip, lock, unlock, reversal (of friction that slips on, the
+        other way), when, time, accumulation, start, step, …
     before, after : names of the mode
     impulse : along the law, ≥ 0: N·s or N·m·s
     energy_lost : J

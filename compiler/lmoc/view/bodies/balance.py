@@ -90,6 +90,7 @@ class Balance:
     Attributes
     ----------
     body : the part
+    others : what moves as one with it: bodies at the same port, declared later
     port : of the body
     inertia : mass times acceleration, in jets of the scene's coordinates
     mass : the factor of the acceleration alone
@@ -98,6 +99,7 @@ class Balance:
     """
 
     body: Element
+    others: tuple[Element, ...]
     port: Port
     inertia: sympy.Expr
     mass: sympy.Expr
@@ -165,14 +167,18 @@ def free_bodies(
         for port in element.ports:
             if port.domain in ("line", "shaft"):
                 at.setdefault(port.node, []).append((element, port))
-    found = []
-    for element in graph.elements:
-        if element.symbol not in BODIES or element.ports[0].domain not in ("line", "shaft"):
-            continue
-        if cut_out is None or element.name in cut_out:
-            found.append(_balance(element, at, laws, forms))
+    found = [_balance(together, at, laws, forms) for together in cut_bodies(graph, cut_out)]
     late = *(u.name for u in outline.inputs), *(q.name for q in kinematics.coordinates)
     return FreeBodies(tuple(found), late, {**_own_flows(found, graph), **outline.own_names})
+
+
+def cut_bodies(graph: Graph, cut_out: Container[str] | None) -> list[list[Element]]:
+    """Return the bodies of lines and shafts to cut out of a scene; those at one port are one body."""
+    at: dict[int, list[Element]] = {}
+    for element in graph.elements:
+        if element.symbol in BODIES and element.ports[0].domain in ("line", "shaft"):
+            at.setdefault(element.ports[0].node, []).append(element)
+    return [own for own in at.values() if cut_out is None or any(e.name in cut_out for e in own)]
 
 
 def _own_flows(balances: list[Balance], graph: Graph) -> dict[str, str]:
@@ -269,10 +275,13 @@ def _is_long(value: sympy.Expr) -> bool:
     return value.has(sp.Piecewise) or any(sp.count_ops(t) > MOST_OPERATIONS for t in sp.Add.make_args(value))
 
 
-def _balance(body: Element, at: Mapping[int, list[tuple[Element, Port]]], laws: _Laws, forms: LocalForms) -> Balance:
-    """Return the balance of a body; `at` has the ports at each node."""
+def _balance(
+    bodies: list[Element], at: Mapping[int, list[tuple[Element, Port]]], laws: _Laws, forms: LocalForms
+) -> Balance:
+    """Return the balance of bodies at one port; `at` has the ports at each node."""
     import sympy as sp
 
+    body, *others = bodies
     port, graph = body.ports[0], forms.graph
     around = [(e, p) for e, p in at[port.node] if (e.name, p.name) != (body.name, port.name)]
     inertial, rest = _own_terms(body, port, laws, graph)
@@ -294,7 +303,7 @@ def _balance(body: Element, at: Mapping[int, list[tuple[Element, Port]]], laws: 
     turns = port.domain == "shaft"
     levers = [(e, hinge) for e, hinge in around if turns and e.symbol in LEVERS]
     points = [p for e, hinge in levers for p in _points(e, hinge, at, laws, forms, port)]
-    return Balance(body, port, inertia, mass, tuple(forces), turns, tuple(points))
+    return Balance(body, tuple(others), port, inertia, mass, tuple(forces), turns, tuple(points))
 
 
 def _inertia_name(port: Port) -> str:

@@ -162,7 +162,7 @@ class _Values:
             return None  # it is on the lever itself
         for element in self.graph.elements:
             for port in element.ports:
-                if element.name == part and port.node == node and part != balance.body.name:
+                if element.name == part and port.node == node and element not in (balance.body, *balance.others):
                     return -float(self.run[flat.variable_name(port.flows[0])][self.at])
         return None
 

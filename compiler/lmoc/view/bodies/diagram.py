@@ -79,10 +79,11 @@ def balance_text(balance: Balance, notation: Notation, coordinate: str) -> str:
 
 def term_text(balance: Balance, force: Force, value: sympy.Expr, formula: Formula) -> str:
     """A term of a balance; a weight begins with the mass, as people write it."""
-    if force.part == balance.body.name and balance.mass.is_Symbol and value.has(balance.mass):
-        rest = value / balance.mass
-        if not rest.has(balance.mass):
-            return f"{formula.product(balance.mass)}·{formula.product(rest)}"
+    if force.part in {e.name for e in (balance.body, *balance.others)}:
+        masses = (m for m in balance.mass.as_ordered_terms() if m.is_Symbol and value.has(m))
+        for mass in masses:
+            if not (value / mass).has(mass):
+                return f"{formula.product(mass)}·{formula.product(value / mass)}"
     return formula.product(value)
 
 
@@ -105,7 +106,9 @@ class _Diagram:
         self.formula = Formula(notation, MARKED)
         self.directions, self.direction = directions, directions.get(balance.port.node, RIGHT)
         self.items: list[Item] = []
-        self.name = style.names.part(balance.body, "J" if balance.turns else "m")
+        inertia = "J" if balance.turns else "m"
+        self.name = " + ".join(style.names.part(e, inertia) for e in (balance.body, *balance.others))
+        self.radius = max(RADIUS, width(self.name, 13) / 2 + 8)
         self.coordinate = style.coordinates.get(balance.port.node, "q")
 
     def block(self) -> Block:
@@ -209,10 +212,10 @@ class _Diagram:
 
     def _turning(self) -> None:
         forces = self.balance.forces
-        disk = (Circle((0.0, 0.0, 0.0), RADIUS, "body"), Label(self.name, (0.0, 0.0, 4.0)))
+        disk = (Circle((0.0, 0.0, 0.0), self.radius, "body"), Label(self.name, (0.0, 0.0, 4.0)))
         self.items.append(Item("disk", self.balance.body.name, (Anchor(0, 0),), disk))
-        own = symbols.turning_arrow("coordinate", "", Anchor(0, 0), RADIUS - 9, radians(55), radians(125), "muted")
-        label = Label(self.coordinate, (0.0, 0.0, -RADIUS + 19.0), size=11.0, colour="muted")
+        own = symbols.turning_arrow("coordinate", "", Anchor(0, 0), self.radius - 9, radians(55), radians(125), "muted")
+        label = Label(self.coordinate, (0.0, 0.0, -self.radius + 19.0), size=11.0, colour="muted")
         self.items.append(replace(own, shapes=(*own.shapes, label)))
         for k, force in enumerate(forces):
             middle = self._angle(k, len(forces))
@@ -231,7 +234,7 @@ class _Diagram:
         return 40.0 * value / largest if isfinite(value) and largest > 0 else 0.0
 
     def _torque(self, force: Force, middle: float) -> None:
-        span, r = force.sense * self._span(force), RADIUS + 11
+        span, r = force.sense * self._span(force), self.radius + 11
         if span:
             a, b = radians(middle - span), radians(middle + span)
             self.items.append(symbols.turning_arrow("torque", force.part, Anchor(0, 0), r, a, b, "force"))

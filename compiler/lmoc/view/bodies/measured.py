@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lmoc.ir.flat import Kind
-from lmoc.view.bodies.balance import TENSION, Balance, Force, FreeBodies, weight
+from lmoc.view.bodies.balance import TENSION, Balance, Force, FreeBodies, cut_bodies, weight
 from lmoc.view.scene.elements import Element, Graph, Port
 from lmoc.view.scene.names import Names
 from lmoc.view.scene.strip import BODIES
@@ -48,8 +48,8 @@ def measured_bodies(graph: Graph, cut_out: Container[str]) -> FreeBodies:
         for port in element.ports:
             if port.domain in ("line", "shaft"):
                 at.setdefault(port.node, []).append((element, port))
-    bodies = [e for e in graph.elements if e.symbol in BODIES and e.name in cut_out]
-    balances = tuple(_balance(body, at[body.ports[0].node], graph) for body in bodies)
+    bodies = cut_bodies(graph, cut_out)
+    balances = tuple(_balance(together, at[together[0].ports[0].node], graph) for together in bodies)
     names, own = Names(graph), {}
     for symbol in {s.name for b in balances for f in b.forces for s in f.label.free_symbols}:
         found = graph.flat.find(symbol)
@@ -58,9 +58,10 @@ def measured_bodies(graph: Graph, cut_out: Container[str]) -> FreeBodies:
     return FreeBodies(balances, (), own)
 
 
-def _balance(body: Element, around: list[tuple[Element, Port]], graph: Graph) -> Balance:
+def _balance(bodies: list[Element], around: list[tuple[Element, Port]], graph: Graph) -> Balance:
     import sympy as sp
 
+    body, *others = bodies
     port = body.ports[0]
     turns = port.domain == "shaft"
     inertias: list[sympy.Expr] = []
@@ -75,7 +76,7 @@ def _balance(body: Element, around: list[tuple[Element, Port]], graph: Graph) ->
             forces.append(_force(element, other, graph))
     mass = sp.Add(*inertias)
     acceleration = sp.Symbol(f"der(der({graph.name(port)}))")
-    return Balance(body, port, mass * acceleration, mass, tuple(forces), turns)
+    return Balance(body, tuple(others), port, mass * acceleration, mass, tuple(forces), turns)
 
 
 def _parameter(graph: Graph, element: Element, name: str) -> sympy.Expr | None:

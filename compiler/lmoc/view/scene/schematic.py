@@ -30,21 +30,21 @@ ROPES, LEVERS = ("pulley", "drum"), ("lever", "arm", "beam")
 
 def style_of(graph: Graph, names: Names) -> Style:
     """Return the names of the nodes: those of their coordinates, and of what moves them."""
-    wanted: dict[int, list[int]] = {}
+    of_bodies: dict[int, list[int]] = {}  # the bodies' own coordinates, those of the first declared first …
+    wanted: dict[int, list[int]] = {}  # … which are preferred to these
     variables: dict[int, str] = {}
     for element in graph.elements:
         for port in element.ports:
             if port.domain in ("line", "shaft"):
-                at = wanted.setdefault(port.node, [])
-                names_of_places = ("q", "theta", "s", "phi") if element.symbol in BODIES else ()
-                own = [graph.variable(element, n) for n in names_of_places]
-                at[:0] = [v for v in own if v is not None][:1]
-                at.append(port.potentials[0])
+                wanted.setdefault(port.node, []).append(port.potentials[0])
                 if element.symbol in BODIES:
+                    own = [graph.variable(element, n) for n in ("q", "theta", "s", "phi")]
+                    of_bodies.setdefault(port.node, []).extend([v for v in own if v is not None][:1])
                     variables[port.node] = graph.name(port)
                 variables.setdefault(port.node, graph.name(port))
     bodies = {e.ports[0].node for e in graph.elements if e.symbol in BODIES}
     driven = {e.ports[0].node: e for e in graph.elements if e.symbol in ("motion", "rotation")}
+    wanted = {n: [*of_bodies.get(n, ()), *vs] for n, vs in wanted.items()}
     shown = {n: tuple(vs) for n, vs in wanted.items() if n in bodies or n in driven or names.own(*vs)}
     for element in graph.elements:
         if element.symbol == "moving-frame":

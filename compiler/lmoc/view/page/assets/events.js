@@ -4,11 +4,7 @@ import { format } from "./controls.js";
 
 const MOST_ROWS = 500;
 const MOST_NAMED = 6;
-const OPENS = ["slip", "unlock"]; // what friction does where it begins to move
 const TITLES = ["t in s", "what", "event", "modes", "impulse", "lost in J"];
-
-/** What an event is called: friction that goes on the other way opens nothing, though its mode is told anew. */
-const calledOf = ({ kind, before, after }) => (before === after && OPENS.includes(kind) ? "reversal" : kind);
 
 /** The modes that an event leads from and to, in words. */
 const modesOf = ({ before, after }) => (before === after ? before : [before, after].filter(Boolean).join(" → "));
@@ -21,9 +17,8 @@ export function showEvents(host, events, seek) {
   summary.textContent = `Events (${events.length})${lost ? `: ${format(lost)} J lost` : ""}`;
   const head = row("th", TITLES);
   const rows = events.slice(0, MOST_ROWS).map((event) => {
-    const { time, name, impulse, energy_lost: own, note } = event;
-    const called = calledOf(event);
-    const cells = ["", name, note ? `${called} (${note})` : called, modesOf(event), impulse ? format(impulse) : "", own ? format(own) : ""];
+    const { time, name, kind, impulse, energy_lost: own, note } = event;
+    const cells = ["", name, note ? `${kind} (${note})` : kind, modesOf(event), impulse ? format(impulse) : "", own ? format(own) : ""];
     const found = row("td", cells);
     const button = document.createElement("button");
     Object.assign(button, { type: "button", className: "time", textContent: String(Number((time ?? NaN).toPrecision(8))) });
@@ -44,9 +39,9 @@ function row(kind, texts) {
 
 /** What an event is, in words. */
 export function eventText(event) {
-  const { time, name, impulse, energy_lost: lost, note } = event;
+  const { time, name, kind, impulse, energy_lost: lost, note } = event;
   const told = [modesOf(event), note, impulse ? `impulse ${format(impulse)}` : "", lost ? `${format(lost)} J lost` : ""].filter(Boolean);
-  return `t = ${Number((time ?? NaN).toPrecision(6))} s, ${name}: ${calledOf(event)}${told.length ? ` (${told.join(", ")})` : ""}`;
+  return `t = ${Number((time ?? NaN).toPrecision(6))} s, ${name}: ${kind}${told.length ? ` (${told.join(", ")})` : ""}`;
 }
 
 /** The modes of laws at a time, in words; of many laws those in the commonest mode are counted. */

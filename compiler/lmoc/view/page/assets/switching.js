@@ -6,6 +6,7 @@ import { Stopped } from "./stopped.js";
 const KEPT = 1e-14; // share of its terms by which what is closed may miss zero at output times
 const MOMENT = 1e-10; // share of the run within which laws that change without end are chattering
 const FIELDS = ["closed", "implied", "direction", "push", "kind", "when", "impulse", "lost", "was", "is", "wrong", "gap", "impactLaw"];
+const REVERSAL = "reversal"; // friction that slips on, the other way, opens nothing
 const [, ACCUMULATION, IMPACT] = [0, 1, 2]; // kinds of `engine/c/law_run.h`; the others are what laws themselves call it
 const IMPACT_LAWS = ["Newton", "Poisson"];
 const REASONS = { 1: "no forces keep them", 3: "no states nearby satisfy them", 4: "no impulses keep them" };
@@ -111,7 +112,7 @@ export class LawSwitching {
     return own.names.flatMap((name, k) => {
       if (!kind[k]) return [];
       const word = (closed) => (closed ? own.closedWords[k] : own.openWords[k]);
-      const called = { [ACCUMULATION]: "accumulation", [IMPACT]: "impact" }[kind[k]] ?? (is[k] ? own.closing[k] : own.opening[k]);
+      const called = { [ACCUMULATION]: "accumulation", [IMPACT]: "impact" }[kind[k]] ?? (is[k] ? own.closing[k] : was[k] ? own.opening[k] : REVERSAL);
       const note = impulse[k] === 0 ? "" : `${IMPACT_LAWS[impactLaw[k]]}'s law`;
       const what = { before: word(was[k]), after: word(is[k]), impulse: impulse[k], energy_lost: lost[k], note };
       return [{ time: when[k], name, kind: called, ...what }];
