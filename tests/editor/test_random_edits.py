@@ -13,7 +13,6 @@ from lmoc.editor.answers import Answers  # noqa: E402
 from lmoc.editor.completion import proposals, signature  # noqa: E402
 from lmoc.editor.describe import markdown  # noqa: E402
 from lmoc.editor.names import at, occurrences  # noqa: E402
-from lmoc.editor.navigation import known, references  # noqa: E402
 from lmoc.editor.pieces import Reading, read  # noqa: E402
 from lmoc.editor.positions import position  # noqa: E402
 from lmoc.messages.diagnostics import ModelError  # noqa: E402
@@ -129,11 +128,13 @@ def test_what_is_not_read_again_gives_the_answers_of_the_whole_text(seed):
         assert [found[0], found[1], found[6]] == from_the_whole(text, path)
         place = rng.randrange(len(text))
         assert at_place(reading, place) == at_place(fresh, place)
-        whole = known(analyse(text, path))
-        for o in rng.sample(whole.names, min(10, len(whole.names))):
-            declared = answers.declared(o.start)
-            places = [] if declared is None else [(s.start, s.end) for s in answers.places(declared)]
-            assert o.start == o.end or places == [(s.start, s.end) for s in references(whole, o.start, ())]
+        names = occurrences(analyse(text, path))
+        for o in rng.sample(names, min(10, len(names))):
+            of, found = at(names, o.start), answers.declared(o.start)
+            places = [] if found is None else answers.places(found.file, found.start, found.words)
+            same = [n for n in names if of.declared is not None and n.declared is not None
+                    and (n.declared.source.name, n.declared.start) == (of.declared.source.name, of.declared.start)]
+            assert o.start == o.end or [(s.start, s.end) for s in places] == [(n.start, n.end) for n in same]
 
 
 def test_declarations_matter_to_those_who_use_them_through_others():

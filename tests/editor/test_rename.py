@@ -1,15 +1,20 @@
 """Renaming: everything goes on to mean what it meant, or it is refused."""
 
+import random
 import re
+from pathlib import Path
 
 import pytest
 
 pytest.importorskip("lsprotocol")
 
 from lmoc.editor.analysis import analyse  # noqa: E402
-from lmoc.editor.navigation import known  # noqa: E402
+from lmoc.editor.answers import Answers  # noqa: E402
+from lmoc.editor.names import occurrences  # noqa: E402
+from lmoc.editor.pieces import read  # noqa: E402
 from lmoc.editor.rename import RenameRefused, rename  # noqa: E402
 
+MODELS = sorted((Path(__file__).parents[2] / "models").rglob("*.lmo"))
 TEXT = """package P
   model Base
     parameter Real k = 1;
@@ -44,12 +49,18 @@ end P;
 """
 
 
-def after(text: str, place: str, new: str, path: str = "/nowhere/p.lmo") -> str:
-    own = known(analyse(text, path))
-    spans = rename(own, text.index(place), new, [], frozenset({"model"}))
-    for s in sorted(spans, key=lambda s: -s.start):
+def spans_of(text: str, offset: int, new: str, path: str, others=()):
+    return rename(Answers(read(path, text)), offset, new, lambda _: others, frozenset({"model"}))
+
+
+def renamed(text: str, offset: int, new: str, path: str = "/nowhere/p.lmo") -> str:
+    for s in sorted(spans_of(text, offset, new, path), key=lambda s: -s.start):
         text = text[: s.start] + new + text[s.end :]
     return text
+
+
+def after(text: str, place: str, new: str) -> str:
+    return renamed(text, text.index(place), new)
 
 
 @pytest.mark.parametrize(
@@ -100,10 +111,35 @@ def test_a_class_that_its_file_is_named_after_is_refused_where_others_use_it(tmp
     part, scene = tmp_path / "Part.lmo", tmp_path / "scene.lmo"
     part.write_text("model Part\n  parameter Real size = 1;\nend Part;\n")
     scene.write_text("model Scene\n  Part part(size = 2);\nend Scene;\n")
-    texts = [known(analyse(p.read_text(), str(p))) for p in (part, scene)]
-    found = rename(texts[0], part.read_text().index("size"), "length", texts[1:], frozenset())
+    texts = {p: Answers(read(str(p), p.read_text())) for p in (part, scene)}
+    found = spans_of(part.read_text(), part.read_text().index("size"), "length", str(part), [texts[scene]])
     assert [(s.source.name, s.text) for s in found] == [(str(part), "size"), (str(scene), "size")]
     with pytest.raises(RenameRefused, match="found by the name of its file"):
-        rename(texts[0], part.read_text().index("Part"), "Piece", texts[1:], frozenset())
+        spans_of(part.read_text(), part.read_text().index("Part"), "Piece", str(part), [texts[scene]])
     with pytest.raises(RenameRefused, match="in no folder of the workspace"):
-        rename(texts[1], scene.read_text().index("size"), "length", [], frozenset())
+        spans_of(scene.read_text(), scene.read_text().index("size"), "length", str(scene))
+
+
+def meanings(text: str) -> list:
+    """Each name of a text that is read as one: which it is, and which one its declaration is."""
+    names = occurrences(analyse(text, "/nowhere/p.lmo"))
+    which = {o.start: k for k, o in enumerate(names)}
+    places = (o.declared and (which[o.declared.start] if o.declared.source.name == "/nowhere/p.lmo" else o.declared)
+              for o in names)  # fmt: skip
+    return [(o.role, type(o.meaning), place) for o, place in zip(names, places)]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_names_mean_what_they_meant_in_the_text_read_as_one(seed):
+    rng = random.Random(seed)
+    text = "\n".join([TEXT, *(p.read_text(encoding="utf-8") for p in rng.sample(MODELS, 2))])
+    before = meanings(text)
+    names = [o for o in occurrences(analyse(text, "/nowhere/p.lmo")) if o.start < o.end]
+    for o in rng.sample(names, 10):
+        other = rng.choice(names)
+        for new in "quite_new", text[other.start : other.end]:
+            try:
+                changed = renamed(text, o.start, new)
+            except RenameRefused:
+                continue
+            assert meanings(changed) == before, (text[o.start : o.end], new)

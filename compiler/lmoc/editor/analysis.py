@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 
 from lmoc.messages.diagnostics import Report
-from lmoc.messages.source import Source, Span
+from lmoc.messages.source import Source
 from lmoc.semantics.classes.choose import open_scopes
 from lmoc.semantics.classes.scope import Scope
 from lmoc.sources import library
@@ -43,14 +43,7 @@ class Analysis:
     @cached_property
     def scopes(self) -> dict[int, Scope]:
         """The scope of each class of the text, by the identity of its definition."""
-        found: dict[int, Scope] = {}
-        pending = list(self.root.local.values())
-        while pending:
-            scope = pending.pop()
-            if scope.definition.span.source is self.source:
-                found[id(scope.definition)] = scope
-            pending += scope.local.values()
-        return found
+        return {id(s.definition): s for s in scopes_in(self.root) if s.definition.span.source is self.source}
 
     @cached_property
     def placed(self) -> tuple[tree.Class, ...]:
@@ -69,6 +62,15 @@ class Analysis:
         """Return the innermost class around a character."""
         around = [c for c in self.classes() if c.span.start <= offset <= c.span.end and id(c) in self.scopes]
         return self.scopes[id(min(around, key=lambda c: c.span.end - c.span.start))] if around else None
+
+
+def scopes_in(root: Scope) -> Iterator[Scope]:
+    """Yield the scopes of all classes of a file."""
+    pending = [*root.local.values()]
+    while pending:
+        scope = pending.pop()
+        yield scope
+        pending += scope.local.values()
 
 
 def analyse(text: str, path: str) -> Analysis:
@@ -99,12 +101,6 @@ def own_folder(path: str, file: tree.File) -> tuple[Folder, ...]:
     return (Folder(folder),) if folder.is_dir() else ()
 
 
-
 def folders_around(text: str, path: str) -> tuple[Folder, ...]:
     """Return the folder in which `lmoc check` looks for further classes of a file; none where it does not exist."""
     return own_folder(path, parse(Source(path, text), Report()))
-
-
-def place_of(span: Span) -> tuple[str, int]:
-    """Return what identifies a declaration, in whatever analysis it has been found."""
-    return span.source.name, span.start

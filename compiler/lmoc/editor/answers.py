@@ -6,18 +6,18 @@ its text has changed, or declarations that the meaning of its names can depend o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 
 from lsprotocol import types as lsp
 
 from lmoc.editor import colours, hints, outline
 from lmoc.editor.analysis import Analysis
-from lmoc.editor.names import Occurrence, occurrences
+from lmoc.editor.names import Occurrence, at, occurrences
 from lmoc.editor.pieces import Piece, Reading
 from lmoc.editor.positions import below, position, span_range
 from lmoc.messages.diagnostics import Report
-from lmoc.messages.source import Span
+from lmoc.messages.source import Source, Span
 from lmoc.semantics.classes.scope import Scope
 from lmoc.support.records import dataclass
 from lmoc.syntax.format import joined, written
@@ -98,11 +98,12 @@ class Answers:
                 del kept[piece]
 
     @cached_property
-    def _root(self) -> Scope:
+    def root(self) -> Scope:
+        """The scope of all classes of the text."""
         return self.reading.opened()
 
     def _analysis(self, k: int) -> Analysis:
-        return self.reading.analysis(k, self._root)
+        return self.reading.analysis(k, self.root)
 
     # ------------------------------------------------------------------ of the text alone
 
@@ -204,6 +205,16 @@ class Answers:
         where = OWN if j == k else self.reading.used[k].index(j)
         return Named(o.start, o.end, where, self.reading.pieces[j].in_declarations(declared.start), declared.text)
 
+    def at(self, place: int) -> tuple[Occurrence | None, Source]:
+        """Return the name at a character, and the text of its piece."""
+        k = self.reading.at(place)
+        return at(self.occurrences(k), place - self.reading.starts[k]), self.reading.pieces[k].source
+
+    def place(self, span: Span) -> tuple[str, int]:
+        """Return the file in which something stands, and where in its whole text."""
+        here = self.reading.here(span) or span
+        return here.source.name, here.start
+
     def declared(self, place: int) -> Declared | None:
         """Return where the name at a character is declared; None where there is none."""
         reading = self.reading
@@ -212,41 +223,32 @@ class Answers:
         found = max((n for n in self.named(k) if n.start <= own <= n.end), key=lambda n: n.start, default=None)
         if found is None:
             return None
-        written = reading.pieces[k].source.text[found.start : found.end]
+        words = reading.pieces[k].source.text[found.start : found.end], found.text
         if isinstance(found.where, str):
-            return Declared(found.where, found.place, found.where, found.place, (written, found.text))
+            return Declared(found.where, found.place, words)
         j = k if found.where == OWN else reading.used[k][found.where]
-        at = reading.starts[j] + reading.pieces[j].in_text(found.place)
-        return Declared(j, found.place, reading.source.name, at, (written, found.text))
+        return Declared(reading.source.name, reading.starts[j] + reading.pieces[j].in_text(found.place), words)
 
-    def places(self, declared: Declared) -> list[Span]:
-        """Return all places of what is declared there in this text."""
+    def places(self, file: str, start: int, words: Iterable[str]) -> list[Span]:
+        """Return all places in this text of what is declared in a file, itself or another one, and called so."""
         reading, found = self.reading, []
+        j = reading.at(start) if file == reading.source.name else None
+        place = start if j is None else reading.pieces[j].in_declarations(start - reading.starts[j])
         for k, piece in enumerate(reading.pieces):
-            if piece.words.isdisjoint(declared.words):
+            if piece.words.isdisjoint(words):
                 continue
-            where: str | int | None = declared.where
-            if isinstance(where, int):
-                used = reading.used[k]
-                where = OWN if where == k else used.index(where) if where in used else None
+            where: str | int | None = file
+            if j is not None:
+                where = OWN if j == k else reading.used[k].index(j) if j in reading.used[k] else None
             found += [Span(reading.source, reading.starts[k] + n.start, reading.starts[k] + n.end)
-                      for n in self.named(k) if (n.where, n.place) == (where, declared.place)]  # fmt: skip
+                      for n in self.named(k) if (n.where, n.place) == (where, place)]  # fmt: skip
         return found
 
 
 @dataclass(frozen=True)
 class Declared:
-    """Where something is declared.
+    """Where something is declared: the file, where in its whole text, and what it is called."""
 
-    Attributes
-    ----------
-    where, place : the piece of this text and where in its declarations; or the file and where in it
-    file, start : the file, and where in its whole text
-    words : what it is called
-    """
-
-    where: str | int
-    place: int
     file: str
     start: int
     words: tuple[str, ...]

@@ -149,6 +149,11 @@ class Reading:
         k = self.number.get(id(span.source))
         return None if k is None else Span(self.source, span.start + self.starts[k], span.end + self.starts[k])
 
+    def reached_by(self, file: str, start: int) -> set[int]:
+        """The identities of the texts of pieces to which it can matter what is declared there."""
+        j = self.at(start) if file == self.source.name else None
+        return {id(p.source) for k, p in enumerate(self.pieces) if j is None or j == k or j in self.used[k]}
+
     @cached_property
     def uses(self) -> list[tuple[str, ...]]:
         """For each piece the declarations on which the meaning of its names can depend: equal ones, equal meanings."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import islice
 
 from lsprotocol import types as lsp
@@ -20,7 +20,6 @@ from lmoc.editor.commands import COMMANDS
 from lmoc.editor.completion import proposals, signature
 from lmoc.editor.fixes import fixes
 from lmoc.editor.names import at, occurrences
-from lmoc.editor.navigation import Known
 from lmoc.editor.positions import below, offset, position, span_range
 from lmoc.editor.rename import RenameRefused, renamable
 from lmoc.editor.rename import rename as renamed
@@ -152,16 +151,14 @@ def definition(ls: Server, params: lsp.DefinitionParams) -> lsp.Location | None:
 def references(ls: Server, params: lsp.ReferenceParams) -> list[lsp.Location]:
     uri = params.text_document.uri
     with ls.answering:
-        answers = ls.answers(uri)
-        declared = answers.declared(offset(answers.reading.source, params.position))
-        found = [] if declared is None else answers.places(declared)
-    if declared is None:
-        return []
-    place = declared.file, declared.start
-    for one in ls.others(uri, *declared.words):
-        found += navigation.places(one, place)
+        own = ls.answers(uri)
+        declared = own.declared(offset(own.reading.source, params.position))
+        if declared is None:
+            return []
+        texts = (own, *ls.others(uri, declared.words))
+        found = [s for text in texts for s in text.places(declared.file, declared.start, declared.words)]
     if not params.context.include_declaration:
-        found = [s for s in found if (s.source.name, s.start) != place]
+        found = [s for s in found if (s.source.name, s.start) != (declared.file, declared.start)]
     return [_location(s) for s in found]
 
 
@@ -171,7 +168,7 @@ def highlights(ls: Server, params: lsp.DocumentHighlightParams) -> list[lsp.Docu
     with ls.answering:
         answers = ls.answers(params.text_document.uri)
         declared = answers.declared(offset(answers.reading.source, params.position))
-        found = [] if declared is None else answers.places(declared)
+        found = [] if declared is None else answers.places(declared.file, declared.start, declared.words)
     return [lsp.DocumentHighlight(span_range(s)) for s in found]
 
 
@@ -179,33 +176,30 @@ def highlights(ls: Server, params: lsp.DocumentHighlightParams) -> list[lsp.Docu
 def prepare_rename(ls: Server, params: lsp.PrepareRenameParams) -> lsp.Range | None:
     analysis, place = ls.quick(params.text_document.uri, params.position)
     try:
-        found = renamable(Known(analysis, occurrences(analysis, place)), place)
+        found, _ = renamable(at(occurrences(analysis, place), place), analysis.source)
     except RenameRefused:
         return None
     here = ls.reading(params.text_document.uri).here(Span(analysis.source, found.start, found.end))
     return None if here is None else span_range(here)
 
 
+@server.thread()
 @feature(lsp.TEXT_DOCUMENT_RENAME, lsp.RenameOptions(prepare_provider=True))
 def rename(ls: Server, params: lsp.RenameParams) -> lsp.WorkspaceEdit | None:
-    own = ls.of(params.text_document.uri)
-    place = offset(own.analysis.source, params.position)
-    others = ls.others(params.text_document.uri, _word(own, place), params.new_name)
-    try:
-        spans = renamed(own, place, params.new_name, others, _keywords())
-    except RenameRefused as refused:
-        ls.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, str(refused)))
-        return None
+    uri = params.text_document.uri
+    with ls.answering:
+        own = ls.answers(uri)
+        place = offset(own.reading.source, params.position)
+        try:
+            spans = renamed(own, place, params.new_name, partial(ls.others, uri), _keywords())
+        except RenameRefused as refused:
+            ls.window_show_message(lsp.ShowMessageParams(lsp.MessageType.Warning, str(refused)))
+            return None
     changes: dict[str, list[lsp.TextEdit]] = {}
     for s in spans:
-        uri = uris.from_fs_path(str(navigation.location(s))) or ""
-        changes.setdefault(uri, []).append(lsp.TextEdit(span_range(s), params.new_name))
+        file = uris.from_fs_path(str(navigation.location(s))) or ""
+        changes.setdefault(file, []).append(lsp.TextEdit(span_range(s), params.new_name))
     return lsp.WorkspaceEdit(changes=changes)
-
-
-def _word(own: Known, place: int) -> str:
-    found = at(own.names, place)
-    return own.analysis.source.text[found.start : found.end] if found is not None else "\0"
 
 
 @lru_cache(maxsize=1)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from lsprotocol import types as lsp
 from pygls import uris
 from pygls.lsp.server import LanguageServer
 
-from lmoc.editor.analysis import Analysis, analyse
+from lmoc.editor.analysis import Analysis
 from lmoc.editor.answers import Answers
 from lmoc.editor.background import Checker, Request
 from lmoc.editor.checking import Checked, Finding
-from lmoc.editor.navigation import Known, known
 from lmoc.editor.pieces import Reading, read
 from lmoc.editor.positions import offset, span_range
 from lmoc.messages.diagnostics import ModelError
@@ -39,7 +38,6 @@ class Server(LanguageServer):
 
     def __init__(self) -> None:
         super().__init__("lmoc", __version__)
-        self.known: dict[str, tuple[str, Others, Known]] = {}  # {uri: (text, the others, what is known of it)}
         self.checked: dict[str, tuple[str, Checked]] = {}  # {uri: (text, what a check of it has found)}
         self._checker: Checker | None = None
         self._readings: dict[str, Reading] = {}  # {uri: its text in pieces}
@@ -47,7 +45,7 @@ class Server(LanguageServer):
         self._said: dict[str, tuple[str, list[int]]] = {}  # {uri: (their name, the tokens of the last answer)}
         self._count = 0  # answers with tokens
         self._scopes: tuple[Reading, Others, Scope] | None = None  # those in which the last place was looked at
-        self._lock, self._reading_lock, self.answering = threading.Lock(), threading.Lock(), threading.RLock()
+        self._reading_lock, self.answering = threading.Lock(), threading.RLock()
 
     @property
     def checker(self) -> Checker:
@@ -61,22 +59,12 @@ class Server(LanguageServer):
         if self._checker is not None:
             self._checker.close()
 
-    def of(self, uri: str) -> Known:
-        """Return all that is known of a text, open or on the disk, as it stands now."""
-        text, others = self.text(uri), self._versions(uri)
-        with self._lock:
-            kept = self.known.get(uri)
-            if kept is None or kept[:2] != (text, others):
-                kept = self.known[uri] = text, others, known(analyse(text, path_of(uri)))
-            return kept[2]
-
     def _versions(self, uri: str) -> Others:
         """The other texts that are open, as they stand: their classes are taken from them, saved or not."""
         return frozenset((other, d.version) for other, d in [*self.workspace.text_documents.items()] if other != uri)
 
     def read_again(self) -> None:
         """Forget what is known: files have changed."""
-        self.known.clear()
         self._answers.clear()
         self._scopes = None
 
@@ -129,15 +117,15 @@ class Server(LanguageServer):
 
     def forget(self, uri: str) -> None:
         """A text is closed: nothing of it is kept."""
-        for kept in (self.known, self.checked, self._readings, self._answers, self._said):
+        for kept in (self.checked, self._readings, self._answers, self._said):
             kept.pop(uri, None)
 
-    def others(self, uri: str, *names: str) -> Iterator[Known]:
-        """Yield what is known of the other texts, open or in `files`, in which one of the names occurs."""
+    def others(self, uri: str, names: Iterable[str]) -> Iterator[Answers]:
+        """Yield the answers about the other texts, open or in `files`, in which one of the names occurs."""
         found = [*self.workspace.text_documents, *(uris.from_fs_path(str(p)) or "" for p in self.files(uri))]
         for other in dict.fromkeys(found):
             if other != uri and any(name in self.text(other) for name in names):
-                yield self.of(other)
+                yield self.answers(other)
 
     def text(self, uri: str) -> str:
         """Return a text as it is open, else as the compiler reads its file: nothing where it cannot."""
