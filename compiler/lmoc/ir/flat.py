@@ -314,6 +314,16 @@ class FlatDAE:
         return fixed
 
     @cached_property
+    def read_beside(self) -> np.ndarray:
+        """The parameters that starts, events and assertions along a run read, and those that are outputs."""
+        checks = [c for c in self.checks if c not in self.constant_checks]
+        tables = [a.slots.ravel() for a in (*self.starts, *self.fixed, *checks)]
+        outputs = self.per_variable(lambda b: b.output, bool)
+        tables += [np.flatnonzero(outputs), *(() if self.events is None else (self.events.read, self.events.clocks()))]
+        found = np.unique(np.concatenate(tables)).astype(int)
+        return found[self.kind[found] == Kind.PARAMETER]
+
+    @cached_property
     def input_bindings(self) -> tuple[Assignments, ...]:
         """The default signals of inputs."""
         return tuple(a for a in self.bindings if self.kind[a.target[0]] == Kind.INPUT)

@@ -185,7 +185,7 @@ def sound(runs: Runs) -> np.ndarray:
     """Return which runs (runs,) have values for everything that they read, and keep all assertions on parameters."""
     plan, flat, values = runs.plan, runs.plan.reduced.flat, runs.values
     registers = np.concatenate([plan.read_parameters[0], plan.parameters])
-    good = ~np.isnan(runs.base[:, registers]).any(axis=1)
+    good = ~np.isnan(runs.base[:, registers]).any(axis=1) & ~np.isnan(values[flat.read_beside]).any(axis=0)
     for check in flat.checks:
         held = evaluate(check.condition, lambda k, _, own=check.slots: values[own[:, k]])
         good &= np.broadcast_to(np.not_equal(held, 0), (len(check.slots), runs.count)).all(axis=0)

@@ -20,6 +20,8 @@ def check_parameters(plan: Plan, base: np.ndarray, values: np.ndarray, report: R
     missing = variables[np.isnan(base[registers])]
     if not len(missing):
         missing = _needed_for_derived(plan, base)
+    if not len(missing):
+        missing = flat.read_beside[np.isnan(values[flat.read_beside])]
     if len(missing):
         _report_missing(flat, missing, values, report)
 

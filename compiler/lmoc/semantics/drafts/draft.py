@@ -13,6 +13,7 @@ from lmoc.expression import dag
 from lmoc.expression.dag import Expr
 from lmoc.ir.flat import Kind
 from lmoc.ir.law import LawKind
+from lmoc.messages.diagnostics import Diagnostic
 from lmoc.messages.source import Span
 from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.semantics.nodes.instance import Binding, Instance, Variable
@@ -176,6 +177,7 @@ class Drafts:
     helpers: Helpers = field(default_factory=Helpers)
     assigned: dict[tuple, tuple[object, Span]] = field(default_factory=dict)  # at events: by which `when`, and where
     guard: Guard | None = None  # of the statement of a when-equation that is being translated
+    arguments: list[Diagnostic] = field(default_factory=list)  # of functions, in another unit than the input's
     drawn: Span | None = None  # where a generator with a hidden state is called
 
 

@@ -27,7 +27,7 @@ def check_units(drafts: Drafts, report: Report, own: Collection[Source]) -> None
     ----------
     own : the files that the user has named
     """
-    judged = Report()
+    judged = Report([*drafts.arguments])
     _check_all(drafts, judged)
     for d in judged.diagnostics:
         if d.span is None or d.span.source in own:

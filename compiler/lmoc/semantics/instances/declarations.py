@@ -290,13 +290,14 @@ def _behind_own(shape: dag.Expr) -> dag.Expr:
 
 
 def _text(model: Elaboration, variable: Variable, name: str, binding: Binding) -> str:
-    value = Context(model, binding.node, binding.scope).value(binding.expression)
-    while value.items:
-        value = value.items[0]
+    """The text of an attribute; "" where elements of an array have different ones."""
+    context = Context(model, binding.node, binding.scope)
+    value = context.value(binding.expression)
     if value.type != "String":
         raise Wrong("E0301", f"'{name}' of '{variable.label}' must be a text in quotes", binding_span(binding),
                     expected="String", found=value.type)  # fmt: skip
-    return value.text
+    texts = {item.text for item in context.arrays.scalars(value)}
+    return texts.pop() if len(texts) == 1 else ""
 
 
 def _state_select(model: Elaboration, binding: Binding) -> StateSelect:

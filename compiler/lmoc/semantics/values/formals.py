@@ -28,6 +28,7 @@ class LocalVariable:
     type : name of its type
     role : input, output, "" for a local one
     record : its class where it is a record
+    unit : as declared, of itself or by its type; "" where there is none
     dimensions : its sizes, its own and those of its type, each with the class in which that is written
     """
 
@@ -36,6 +37,7 @@ class LocalVariable:
     role: str
     record: Scope | None = None
     dimensions: tuple[tuple[tree.Expression, Place], ...] = ()
+    unit: str = ""
 
     @property
     def open_size(self) -> bool:
@@ -67,11 +69,20 @@ def _variable(member: Member, role: str) -> LocalVariable:
     dimensions = [(d, member.scope) for d in component.dimensions]
     dimensions += [(d, where) for short, where in resolved.steps for d in short.dimensions]
     if isinstance(resolved.base, Builtin):
-        return LocalVariable(member, resolved.base.name, role, None, tuple(dimensions))
+        given = (component.modification, *(short.modification for short, _ in resolved.steps))
+        unit = next((text for modification in given for text in _units(modification)), "")
+        return LocalVariable(member, resolved.base.name, role, None, tuple(dimensions), unit)
     if resolved.base.kind != "record":
         raise Wrong("E0230", "functions take numbers, records and arrays of these so far", component.span,
                     found=f"a {resolved.base.kind}")  # fmt: skip
     return LocalVariable(member, resolved.name, role, resolved.base, tuple(dimensions))
+
+
+def _units(modification: tree.Modification | None) -> Iterator[str]:
+    for a in modification.arguments if modification else ():
+        if isinstance(a, tree.ElementModification) and a.name == ("unit",) and a.modification:
+            if isinstance(a.modification.value, tree.String):
+                yield a.modification.value.value
 
 
 def sizes(context: Context, variable: LocalVariable, function: Scope) -> tuple[int | None, ...]:

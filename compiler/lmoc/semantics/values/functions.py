@@ -9,7 +9,7 @@ from functools import partial, reduce
 import numpy as np
 
 from lmoc.expression import dag
-from lmoc.messages.diagnostics import nearest
+from lmoc.messages.diagnostics import Diagnostic, nearest
 from lmoc.messages.source import Span
 from lmoc.semantics.classes.hints import visible
 from lmoc.semantics.classes.place import Member
@@ -25,7 +25,7 @@ from lmoc.semantics.values.formals import declared_in, has_gap, in_order_of_use,
 from lmoc.semantics.values.given_rates import with_rates
 from lmoc.semantics.values.reference import find_start, step
 from lmoc.semantics.values.translate import changes, choose, dims_text
-from lmoc.semantics.values.unit_inference import has_unit
+from lmoc.semantics.values.unit_inference import has_unit, unit_of, unit_of_value
 from lmoc.semantics.values.value import Arrays, Value, number, record, stack
 from lmoc.syntax import tree
 
@@ -231,6 +231,7 @@ class _Body:
                 raise Wrong("E0217", f"the argument '{name}' is given twice", e.span)
             value = self.caller.value(argument)
             self._check_type(name, value, argument.span)
+            self._check_unit(name, value, argument.span)
             value = widened(self.declared[name], value)
             given[name] = value if self._has_unit(name) else self._of_any_unit(value)
         self.values.update(given)
@@ -294,6 +295,20 @@ class _Body:
         if wrong is not None:
             raise Wrong("E0301", f"the argument '{name}' of '{self.function.name}' must be of type {wrong[0]}", span,
                         expected=wrong[0], found=wrong[1])  # fmt: skip
+
+    def _check_unit(self, name: str, value: Value, span: Span) -> None:
+        """An argument must be in the unit of its input, where that has one."""
+        variable, caller = self.declared[name], self.caller
+        if not variable.unit or not value.uniform or value.expr is None or caller.scope.library:
+            return
+        found = unit_of_value(caller, value)
+        expected = found and unit_of(variable)
+        if found is None or expected is None or found.same_as(expected):
+            return
+        message = f"the argument '{name}' of '{self.function.name}' has another unit"
+        if all(d.span != span for d in caller.model.drafts.arguments):
+            caller.model.drafts.arguments.append(
+                Diagnostic("E0303", message, span, expected=variable.unit, found=str(found)))  # fmt: skip
 
     def _check_size(self, name: str) -> None:
         """An array must be as large as its input is declared, where that is not left open."""
