@@ -20,6 +20,7 @@ needs_browser = pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None, reason="Chromium with chromedriver is not installed: pages are not opened"
 )
 
+CODES = {"Tab": 9, "Enter": 13, " ": 32, "ArrowUp": 38, "ArrowDown": 40, ".": 190}  # of keys
 _FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND")
 _WAIT = 60_000  # ms for a script
 
@@ -104,3 +105,23 @@ def in_page(script: str) -> object:
     """, "args": []})  # fmt: skip
     assert "e" not in answer, answer["e"]
     return answer.get("a")
+
+
+def press(key: str, times: int = 1) -> None:
+    """Press a key as a hand does, and let it go."""
+    text = {"Enter": "\r"}.get(key, key if len(key) == 1 else "")
+    for _ in range(times):
+        for kind in ("keyDown", "keyUp"):
+            given = {"text": text} if text and kind == "keyDown" else {}
+            browser().command("Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=CODES[key], **given)
+
+
+def controls() -> dict[tuple[str, str], str]:
+    """Return {(role, name): description} of what a screen reader lets one act on in the page that is open."""
+    found = {}
+    for node in browser().command("Accessibility.getFullAXTree")["nodes"]:
+        told = {p["name"]: p["value"].get("value") for p in node.get("properties", ())}
+        if not node.get("ignored") and told.get("focusable") and node["role"]["value"] != "RootWebArea":
+            name, text = (node.get(key, {}).get("value", "") for key in ("name", "description"))
+            found[node["role"]["value"], name] = text
+    return found

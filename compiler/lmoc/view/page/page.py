@@ -119,4 +119,5 @@ def system_html(run: Result, own: float | None) -> str:
         rows["in this page"] = f"DOP853, and Radau IIA where stability limits its steps, rtol {own:g}"
     warnings = [d.message for d in run.notes if d.severity == "warning"]
     body = "".join(f'<tr><th scope="row">{name}</th><td>{text}</td></tr>' for name, text in rows.items())
-    return f"<table>{body}</table>" + "".join(f'<p class="warning">{escape(text)}.</p>' for text in warnings)
+    said = "".join(f'<p class="warning">{escape(text)}.</p>' for text in warnings)
+    return f'<table aria-label="States, reduction, cost">{body}</table>{said}'

@@ -153,7 +153,7 @@ export class Starts {
     this.values = Object.fromEntries(Object.entries(values).filter(([name]) => this.entries.has(name)));
     for (const [name, own] of this.entries) {
       const value = this.values[name] ?? of(name);
-      if (own.shown !== value || own.entry.value === "") own.entry.value = format(value); // while dragging, most stay
+      if (!Object.is(own.shown, value) || own.entry.value === "") own.entry.value = Number.isFinite(value) ? format(value) : ""; // while dragging, most stay
       own.shown = value;
       own.row.classList.toggle("moved", name in this.values);
     }

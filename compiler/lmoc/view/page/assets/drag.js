@@ -35,6 +35,16 @@ export class Drag {
     return true;
   }
 
+  /** What keys take, and where: an item of the part that is chosen, else of the first part that moves, those at one place before others. */
+  first() {
+    const { data, card, motion, places, player } = this.page;
+    const { items } = data.picture;
+    const own = items.filter(({ part }) => part !== "" && (card.part === "" || part === card.part));
+    const moving = own.filter(canBeTaken).sort((a, b) => a.ends.length - b.ends.length);
+    const item = moving[0] ?? own[0] ?? items[0];
+    return [items.indexOf(item), motion.point(item, farthest(item), places(player.t))];
+  }
+
   /** Begin to pull. */
   grab(place) {
     const { player, engine } = this.page;
@@ -87,6 +97,14 @@ export class Drag {
     if (!gives) sayHeld(`${part} does not give way to a pull: the scene holds it, or prescribes how it moves.`);
     page.findAccuracy(page.request());
   }
+}
+
+/** The vertex at which an item is taken: where it moves, or far from where it turns. */
+function farthest({ ends, turn, shapes }) {
+  if (ends.length > 1) return [ends[1].moves.length ? 1 : 0, 0, 0];
+  if (ends[0].moves.length || !turn.variable) return [0, 0, 0];
+  const reach = shapes.flatMap(({ vertices, radius }) => (vertices ?? []).map(([, x, y]) => Math.hypot(x, y)).concat(radius ?? 0));
+  return [0, Math.max(...reach), 0];
 }
 
 /** Say why nothing has happened, where nothing else is to be said. */

@@ -11,7 +11,7 @@ import { Engine } from "./engine.js";
 import { eventText, modesText, showEvents } from "./events.js";
 import { Forces } from "./forces.js";
 import { listenToFrame, tellFrame } from "./frame.js";
-import { listenToHand } from "./hand.js";
+import { listenToHand, listenToKeys } from "./hand.js";
 import { inflatedText } from "./inflate.js";
 import { ModeMotion } from "./modes.js";
 import { canBeTaken, extremesOf, Motion, movers } from "./motion.js";
@@ -132,12 +132,13 @@ class Page {
       this.draw();
       this.remember();
     });
+    const { drag } = this;
+    const byHand = { take: (k, at) => drag.take(k, at), move: (to) => drag.move(to), drop: () => drag.drop() };
+    listenToKeys(this.stage, { ...byHand, first: () => drag.first(), pulls: () => drag.pulling !== null });
     listenToHand(this.stage, {
+      ...byHand,
       wanted: (item) => item.part !== "" || item.symbol === "coordinate" || canBeTaken(item),
       pick: (k) => this.choose(picture.items[k].part === this.card.part ? "" : picture.items[k].part),
-      take: (k, place) => this.drag.take(k, place),
-      move: (place) => this.drag.move(place),
-      drop: () => this.drag.drop(),
     });
   }
 

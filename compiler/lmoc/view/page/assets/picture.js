@@ -34,11 +34,13 @@ export function runsOf(text) {
 }
 
 /** A picture in the page; behind it, faintly, that of another run. */
+const KEYS = "arrow keys take along the part that is chosen, Enter lets go";
+
 export class Stage {
   constructor(picture, host, label) {
     this.picture = picture;
     const { width, height } = picture;
-    this.svg = svgElement("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
+    this.svg = svgElement("svg", { viewBox: `0 0 ${width} ${height}`, "aria-label": label });
     this.ghost = svgElement("g", { class: "ghost", "aria-hidden": "true" });
     this.arrows = svgElement("g", { class: "arrows", "aria-hidden": "true" });
     this.hand = svgElement("path", { class: "line force hand", "stroke-width": 2, "stroke-dasharray": "5 3" });
@@ -77,6 +79,9 @@ export class Stage {
   /** Say with the pointer whether what moves can be taken by the hand. */
   letTake(takes) {
     this.takes = takes;
+    // with keys the whole picture is one handle
+    const handle = { role: takes ? "application" : "img", tabindex: takes ? "0" : "-1", "aria-description": takes ? KEYS : "" };
+    for (const [name, value] of Object.entries(handle)) this.svg.setAttribute(name, value);
     for (const { items, group } of this.parts) group.classList.toggle("takes", takes && canBeTaken(items[0]));
   }
 

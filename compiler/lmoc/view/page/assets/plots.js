@@ -226,7 +226,7 @@ export class Plots {
   }
 
   figure(title) {
-    const figure = Object.assign(document.createElement("figure"), { className: "plot" });
+    const figure = Object.assign(document.createElement("figure"), { className: "plot", ariaLabel: title });
     const box = document.createElement("div");
     figure.append(Object.assign(document.createElement("figcaption"), { textContent: title }), box);
     this.host.append(figure);
