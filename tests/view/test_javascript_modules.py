@@ -123,11 +123,22 @@ def test_the_rim_of_a_turning_disk():
         ([2e-7, -1e-6], 2e-7, ["2e-7", "-1.0e-6"]),
         ([0.002, 0.0025], 5e-4, ["0.0020", "0.0025"]),
         ([2e8], 1e8, ["2e+8"]),
+        ([1.000003, 1.000004], 1e-6, ["1.000003", "1.000004"]),
     ],
 )
 def test_marks_of_an_axis_have_the_digits_that_tell_them_apart(marks, step, texts):
     body = f"console.log(JSON.stringify({marks}.map((v) => tickText(v, {step}))));"
     assert run_script(joined("plots.js") + body) == texts
+
+
+def test_an_axis_of_what_hardly_changes_has_a_width():
+    """uPlot's own range of 1 … 1 + 1e-9 has none, and it looks for its marks without end."""
+    ends = [[0, 0], [1, 1], [1, 1 + 1e-9], [-1 - 1e-5, -1], [0, 1e-9]]
+    body = f"""const uPlot = {{ rangeNum: (low, high) => [low, high, "its own"] }};
+    console.log(JSON.stringify({ends}.map((own) => rangeAround(null, ...own))));"""
+    told = run_script(joined("plots.js") + body)
+    narrow = [pytest.approx(-1 - 1.1e-5, abs=1e-12), pytest.approx(-1 + 1e-6, abs=1e-12)]
+    assert told == [[-1, 1], [1, 1, "its own"], [1, 1, "its own"], narrow, [0, 1e-9, "its own"]]
 
 
 def test_an_event_says_what_has_changed():

@@ -5,6 +5,8 @@ const MOST_AREAS = 5; // parts whose energy is shown by itself
 const NO_REST = 1e-3; // of the largest energy: what changes less is left out
 const AROUND = 62; // px of a title and a legend
 const LEFT_ALONE = 200; // ms after which what was drawn becomes an image
+const ROUNDING = 3e-6; // of a value: given runs have 32 bits, and a curve would have steps
+const NARROW = 1e-3; // of a value: where it changes by less, uPlot's range has no width, and it looks for marks without end
 const COLOURS = 7; // --c0 … --c6 of the style
 const DASHES = [[], [6, 4], [2, 3], [8, 3, 2, 3]];
 
@@ -15,9 +17,12 @@ function style(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
-/** The range of an axis: a curve that stays at zero lies in the middle. */
+/** The range of an axis: a curve that stays at zero lies in the middle; one that stays but for rounding is not blown up. */
 function rangeAround(_, low, high) {
-  return low === 0 && high === 0 ? [-1, 1] : uPlot.rangeNum(low ?? 0, high ?? 1, 0.1, true);
+  if (low === 0 && high === 0) return [-1, 1];
+  const [size, change] = [Math.max(Math.abs(low), Math.abs(high)), high - low];
+  if (change > ROUNDING * size && change < NARROW * size) return [low - 0.1 * change, high + 0.1 * change];
+  return uPlot.rangeNum(low ?? 0, (change > ROUNDING * size ? high : low) ?? 1, 0.1, true);
 }
 
 /** The text at a mark of an axis whose marks are `step` apart, with the digits that tell them from each other. */
@@ -26,7 +31,7 @@ export function tickText(value, step) {
   let last = Math.floor(Math.log10(step) + 1e-9); // the place of the last digit
   if (Math.abs(step / 10 ** last - Math.round(step / 10 ** last)) > 1e-6) last -= 1; // marks 0.25 apart
   const first = Math.floor(Math.log10(Math.abs(value)));
-  return last < -4 || first > 6 ? value.toExponential(Math.max(0, first - last)) : value.toFixed(Math.max(0, -last));
+  return (last < -4 && first < -2) || first > 6 ? value.toExponential(Math.max(0, first - last)) : value.toFixed(Math.max(0, -last));
 }
 
 /** Names by unit, in order of appearance. */
