@@ -27,7 +27,10 @@ end First;
 
 @pytest_lsp.fixture(config=pytest_lsp.ClientServerConfig(server_command=[sys.executable, "-m", "lmoc", "lsp"]))
 async def client(lsp_client: pytest_lsp.LanguageClient):
-    await lsp_client.initialize_session(lsp.InitializeParams(lsp.ClientCapabilities(), root_uri=None))
+    encodings = lsp.GeneralClientCapabilities(position_encodings=["utf-8", "utf-16"])  # as Neovim has it
+    able = lsp.ClientCapabilities(general=encodings)
+    answer = await lsp_client.initialize_session(lsp.InitializeParams(able, root_uri=None))
+    assert answer.capabilities.position_encoding == "utf-16"
     yield
     await lsp_client.shutdown_session()
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from lsprotocol import types as lsp
 from pygls import uris
 from pygls.lsp.server import LanguageServer
+from pygls.protocol import LanguageServerProtocol, lsp_method
 
 from lmoc.editor.analysis import Analysis
 from lmoc.editor.answers import Answers
@@ -33,11 +35,21 @@ _SEVERITY = {
 Others = frozenset[tuple[str, int | None]]
 
 
+class _Protocol(LanguageServerProtocol):
+    """Counts characters in units of UTF-16, as `positions` does, also with a client that prefers others."""
+
+    @lsp_method(lsp.INITIALIZE)
+    def lsp_initialize(self, params: lsp.InitializeParams) -> Generator[Any, Any, lsp.InitializeResult]:
+        if params.capabilities.general is not None:
+            params.capabilities.general.position_encodings = None
+        return (yield from super().lsp_initialize(params))
+
+
 class Server(LanguageServer):
     """The texts that are open, and what is known of them."""
 
     def __init__(self) -> None:
-        super().__init__("lmoc", __version__)
+        super().__init__("lmoc", __version__, protocol_cls=_Protocol)
         self.checked: dict[str, tuple[str, Checked]] = {}  # {uri: (text, what a check of it has found)}
         self._checker: Checker | None = None
         self._readings: dict[str, Reading] = {}  # {uri: its text in pieces}
