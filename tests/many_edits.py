@@ -23,7 +23,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "editor"))
 
-from test_random_edits import MODELS, at_place, edited, from_the_whole, shown  # noqa: E402
+from test_random_edits import MODELS, at_place, edited, from_the_whole, in_a_package, shown  # noqa: E402
 
 from lmoc.compilation import compiled, scene_of  # noqa: E402
 from lmoc.editor.analysis import folders_around  # noqa: E402
@@ -106,6 +106,7 @@ def session(seed: int, fresh: Fresh, spent: dict[str, list[float]], counted: Cou
         text = path.read_text(encoding="utf-8")
         if seed % PACKAGED == 1:  # several classes
             text = "\n".join([text, *(p.read_text(encoding="utf-8") for p in rng.sample(MODELS, 2))])
+            text = in_a_package(rng, text) if seed % 2 else text
         reading = read(str(path), text)
         answers, checks = Answers(reading), Checks()
         checks.check(text, str(path))

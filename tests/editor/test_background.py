@@ -47,6 +47,31 @@ def test_models_that_have_not_changed_are_not_checked_again(monkeypatch):
         checks.check(THREE, "/nowhere/three.lmo", lambda: False)
 
 
+def test_models_in_a_package_are_checked_one_by_one(monkeypatch):
+    asked, checks, checked = [], Checks(), checking._Text.checked
+    monkeypatch.setattr(checking._Text, "checked", lambda self, m: (asked.append(m.name), checked(self, m))[1])
+    text = "package Q\n" + "".join(f"  {line}\n" for line in THREE.splitlines()) + "end Q;\n"
+    first = checks.check(text, "/nowhere/pack.lmo")
+    places = {f.code: text[f.place.start : f.place.end] for f in first.findings}
+    assert places == {"E0201": "y", "E0205": "l = 2"} and asked == ["Q.A", "Q.B", "Q.C"]
+    steps = {
+        "model B\n": ("model B  // moved\n\n", ["Q.B"]),
+        "Real x = y": ("Real x = y +", ["Q.A"]),
+        "k = 1": ("l = 1", ["Q.B", "Q.C"]),
+        "package Q\n": ("package Q\n  constant Real y = 1;\n", ["Q.A", "Q.B", "Q.C"]),
+    }
+    for old, (new, again) in steps.items():
+        text = text.replace(old, new)
+        asked.clear()
+        assert checks.check(text, "/nowhere/pack.lmo") == check(text, "/nowhere/pack.lmo")
+        assert sorted({*asked}) == ["Q.A", "Q.B", "Q.C"] and all(asked.count(m) == 2 for m in again)
+
+
+def test_of_a_class_without_end_it_is_said_what_follows():
+    found = check("model X\n  Real x = 1;\n" + THREE, "/nowhere/two.lmo").findings
+    assert [f.found for f in found if f.code == "W0246"] == ["the next class"]
+
+
 def test_of_many_models_all_are_checked_and_those_that_changed_last_first(monkeypatch):
     asked, checks, checked, parts = [], Checks(), checking._Text.checked, []
     monkeypatch.setattr(checking._Text, "checked", lambda self, m: (asked.append(m.name), checked(self, m))[1])

@@ -48,6 +48,13 @@ def edited(rng: random.Random, text: str) -> str:
     return text[:at] + text[at + rng.randrange(1, 30) :]
 
 
+def in_a_package(rng: random.Random, text: str) -> str:
+    """The text with some of its classes in a package, and some in one inside of it."""
+    lines = [f"  {line}\n" if line else "\n" for line in text.split("\n")]
+    inner = "  package Inner\n    constant Real c = 2;\n  end Inner;\n" if rng.random() < 0.5 else ""
+    return f"package Pack\n  constant Real c = 1;\n{inner}{''.join(lines)}end Pack;\n"
+
+
 def asked(analysis, offset: int) -> list[str]:
     """The answers at a place, as far as they can be compared."""
     found = at(occurrences(analysis, offset), offset)
@@ -63,7 +70,7 @@ def shown(answers: Answers) -> list:
     """The answers about a whole text."""
     return [
         answers.tokens(),
-        list(answers.units()),
+        sorted(answers.units(), key=str),
         list(answers.models()),
         list(answers.runnable()),
         list(answers.symbols()),
@@ -82,13 +89,13 @@ def from_the_whole(text: str, path: str) -> list:
     except ModelError:
         laid_out = None
     units = [(position(source, h.at), h.text) for h in hints.units(analysis, names)]
-    return [colours.encoded(source, names), units, laid_out]
+    return [colours.encoded(source, names), sorted(units, key=str), laid_out]
 
 
 def at_place(reading: Reading, place: int) -> list[str]:
     """The answers at a place."""
-    k = reading.at(place)
-    return asked(reading.analysis(k, reading.opened()), place - reading.starts[k])
+    k, own = reading.at(place)
+    return asked(reading.analysis(k, reading.opened()), own)
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -116,6 +123,7 @@ def test_every_question_has_an_answer(seed):
 def test_what_is_not_read_again_gives_the_answers_of_the_whole_text(seed):
     rng, path = random.Random(1000 + seed), "/nowhere/scene.lmo"
     text = "\n".join(p.read_text() for p in rng.sample(MODELS, 3))
+    text = in_a_package(rng, text) if seed % 2 else text
     reading = read(path, text)
     answers = Answers(reading)
     for _ in range(2):  # the second one in a text that is wrong, often
@@ -155,6 +163,37 @@ def test_declarations_matter_to_those_who_use_them_through_others():
     parts["frame"] = parts["frame"].replace("time", "2*time")  # an equation is nobody else's
     third = read("/nowhere/scene.lmo", "".join(parts.values()), second.pieces)
     assert [a == b for a, b in zip(second.uses, third.uses)] == [True, True, True, True]
+
+
+def test_of_a_package_only_the_class_that_changes_is_read_again():
+    text = """package Pack
+  constant Real g = 9.81;
+  model One
+    Real x = g;
+  end One;
+  package Inner
+    model Two
+      extends One;
+    end Two;
+  end Inner;
+  model Three
+    Real y = 1;
+  end Three;
+end Pack;
+"""
+    path = "/nowhere/pack.lmo"
+    first = read(path, text)
+    edits = ("x = g", "x = 2*g", True), ("y = 1", "y = 1 + ", False), ("ds One;", "ds One; Real z;", True)
+    for old, new, right in edits:
+        changed = text.replace(old, new, 1)
+        second = read(path, changed, first.pieces)
+        again = [p for p in second.pieces if p not in first.pieces]
+        assert len(second.pieces) == 4 and len(again) == 1 and again[0].right == right and new in again[0].source.text
+        assert shown(Answers(second))[:2] == from_the_whole(changed, path)[:2]
+        assert "".join(second.pieces[s.piece].source.text[s.start : s.end] for s in second.stretches) == changed
+    assert [sorted(n) for n in first.needs] == [[0], [0, 1], [0, 1, 2], [0, 3]]
+    commented = read(path, text.replace("= 9.81;", "= 9.81; /*").replace("  package", "*/  package"))
+    assert [e.name for e in commented.file.classes[0].elements] == ["g", "Inner", "Three"]
 
 
 def test_the_tokens_that_an_editor_has_become_the_new_ones():

@@ -32,8 +32,7 @@ class Analysis:
     source : Source
         Its name is the path of the file.
     file : its tree, as far as the text can be understood
-        The classes of which it is a piece may stand in it, too, with their own texts.
-    root : the scope of its classes, that of the library around it
+    root : the scope of its classes, and of those of which it is a piece, that of the library around it
     """
 
     source: Source
@@ -42,17 +41,13 @@ class Analysis:
 
     @cached_property
     def scopes(self) -> dict[int, Scope]:
-        """The scope of each class of the text, by the identity of its definition."""
-        return {id(s.definition): s for s in scopes_in(self.root) if s.definition.span.source is self.source}
-
-    @cached_property
-    def placed(self) -> tuple[tree.Class, ...]:
-        """The classes whose text this is."""
-        return tuple(c for c in self.file.classes if c.span.source is self.source)
+        """The scope of each class of the text, by the place of its name."""
+        own = (s for s in scopes_in(self.root) if s.definition.span.source is self.source)
+        return {s.definition.name_span.start: s for s in own}
 
     def classes(self, around: int | None = None) -> Iterator[tree.Class]:
         """Yield the classes of the text, or those around a character; the classes inside of them after these."""
-        pending = [c for c in reversed(self.placed) if around is None or c.span.start <= around <= c.span.end]
+        pending = [c for c in reversed(self.file.classes) if around is None or c.span.start <= around <= c.span.end]
         while pending:
             definition = pending.pop()
             yield definition
@@ -60,8 +55,9 @@ class Analysis:
 
     def class_at(self, offset: int) -> Scope | None:
         """Return the innermost class around a character."""
-        around = [c for c in self.classes() if c.span.start <= offset <= c.span.end and id(c) in self.scopes]
-        return self.scopes[id(min(around, key=lambda c: c.span.end - c.span.start))] if around else None
+        around = [c for c in self.classes(offset) if c.span.start <= offset <= c.span.end]
+        known = [c for c in around if c.name_span.start in self.scopes]
+        return self.scopes[min(known, key=lambda c: c.span.end - c.span.start).name_span.start] if known else None
 
 
 def scopes_in(root: Scope) -> Iterator[Scope]:

@@ -6,8 +6,12 @@ its text has changed, or declarations that the meaning of its names can depend o
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
+from itertools import pairwise
 
 from lsprotocol import types as lsp
 
@@ -15,12 +19,13 @@ from lmoc.editor import colours, hints, outline
 from lmoc.editor.analysis import Analysis
 from lmoc.editor.names import Occurrence, at, occurrences
 from lmoc.editor.pieces import Piece, Reading
-from lmoc.editor.positions import below, position, span_range
+from lmoc.editor.positions import position, span_range
 from lmoc.messages.diagnostics import Report
 from lmoc.messages.source import Source, Span
 from lmoc.semantics.classes.scope import Scope
 from lmoc.support.records import dataclass
 from lmoc.syntax.format import joined, written
+from lmoc.syntax.layout import formatted
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,15 +34,13 @@ class Names:
 
     Attributes
     ----------
-    tokens : line, character, length, type and modifiers of each, from the one before it
-    lines : from its beginning to its last token
+    tokens : for each stretch line, character, length, type and modifiers of each, from the one before it
     units : where a unit is shown, and which
     models : the place of the name of each class, and its full name
     runnable : of those that can be run
     """
 
-    tokens: list[int]
-    lines: int
+    tokens: list[list[int]]
     units: tuple[tuple[lsp.Position, str], ...]
     models: tuple[tuple[lsp.Range, str], ...]
     runnable: tuple[tuple[lsp.Range, str], ...]
@@ -116,28 +119,47 @@ class Answers:
             self._layouts[piece] = Layout(tuple(outline.symbols(analysis)), lines)
         return self._layouts[piece]
 
-    def symbols(self) -> Iterator[tuple[outline.Symbol, int]]:
-        """Yield the outline, each class with the line with which its piece begins."""
-        for k, line in self._beginnings():
-            yield from ((s, line) for s in self._layout(k).symbols)
+    def symbols(self) -> Iterator[outline.Symbol]:
+        """Yield the outline."""
+        for k, package in enumerate(self.reading.around):
+            if package is None:
+                yield from (self._symbol(k, s) for s in self._layout(k).symbols)
+
+    def _symbol(self, k: int, s: outline.Symbol) -> outline.Symbol:
+        """A symbol of a piece as it stands in the text; of a class that is another piece, what that one says."""
+        inner = self.reading.inner.get((k, s.name_range.start.line))
+        if inner is not None:
+            return self._symbol(inner, self._layout(inner).symbols[0])
+        inside = tuple(self._symbol(k, i) for i in s.inside)
+        return replace(s, range=self._range(k, s.range), name_range=self._range(k, s.name_range), inside=inside)
 
     def folds(self) -> Iterator[tuple[int, int, bool]]:
         """Yield first and last line of what can be folded, and whether it is a comment."""
-        for k, line in self._beginnings():
-            yield from ((a + line, b + line, comment) for a, b, comment in self._layout(k).folds)
+        for k in range(len(self.reading.pieces)):
+            for first, last, comment in self._layout(k).folds:
+                yield self._line(k, first), self._line(k, last), comment
 
     def formatted(self) -> str | None:
         """Return the text in the standard layout; None where something of it would be lost."""
         pieces = self.reading.pieces
         if any(d.severity == "error" for p in pieces for d in p.diagnostics):
             return None
+        if any(p.stubs for p in pieces):
+            return formatted(self.reading.source)
         for piece in pieces:
             if piece not in self._formatted:
                 self._formatted[piece] = written(piece.file)
         return joined([self._formatted[p] for p in pieces])
 
-    def _beginnings(self) -> Iterator[tuple[int, int]]:
-        yield from zip(range(len(self.reading.pieces)), self.reading.lines)
+    def _line(self, k: int, line: int) -> int:
+        """Where in the text a line of a piece is."""
+        own = self.reading.of_piece[k]
+        return line + own[bisect_right(own, line, key=lambda s: s.first) - 1 if len(own) > 1 else 0].lines
+
+    def _range(self, k: int, place: lsp.Range) -> lsp.Range:
+        start, end = place.start, place.end
+        first, last = self._line(k, start.line), self._line(k, end.line)
+        return lsp.Range(lsp.Position(first, start.character), lsp.Position(last, end.character))
 
     # ------------------------------------------------------------------ of names
 
@@ -145,7 +167,8 @@ class Answers:
         piece, uses = self.reading.pieces[k], self.reading.uses[k]
         kept = self._names.get(piece)
         if kept is None or kept[0] != uses:
-            kept = self._names[piece] = uses, _names_of(self._analysis(k), self.occurrences(k))
+            firsts = [s.first for s in self.reading.of_piece[k]]
+            kept = self._names[piece] = uses, _names_of(self._analysis(k), self.occurrences(k), firsts)
         return kept[1]
 
     def occurrences(self, k: int) -> list[Occurrence]:
@@ -158,18 +181,22 @@ class Answers:
         """Return the names as the protocol packs them, of the pieces that have some of these lines."""
         data: list[int] = []
         reached = 0
-        for k, line in self._some(first, last):
-            own = self._of_names(k)
-            if own.tokens:
-                data += [line + own.tokens[0] - reached, *own.tokens[1:]]
-                reached = line + own.lines
+        asked: Counter[int] = Counter()
+        for s in self.reading.stretches:
+            n, asked[s.piece] = asked[s.piece], asked[s.piece] + 1
+            if s.last >= first and (last is None or s.first + s.lines <= last):
+                own = self._of_names(s.piece).tokens[n]
+                if own:
+                    data += [s.lines + own[0] - reached, *own[1:]]
+                    reached = s.lines + sum(own[::5])
         return data
 
     def units(self, first: int = 0, last: int | None = None) -> Iterator[tuple[lsp.Position, str]]:
         """Yield where a unit is to be shown, and which."""
-        for k, line in self._some(first, last):
-            units = self._of_names(k).units
-            yield from ((lsp.Position(place.line + line, place.character), text) for place, text in units)
+        for k, own in enumerate(self.reading.of_piece):
+            if own[-1].last >= first and (last is None or own[0].first + own[0].lines <= last):
+                for place, text in self._of_names(k).units:
+                    yield lsp.Position(self._line(k, place.line), place.character), text
 
     def models(self) -> Iterator[tuple[lsp.Range, str]]:
         """Yield the place of the name of each class, and its full name."""
@@ -180,14 +207,8 @@ class Answers:
         yield from self._ranges(lambda names: names.runnable)
 
     def _ranges(self, of: Callable[[Names], Sequence[tuple[lsp.Range, str]]]) -> Iterator[tuple[lsp.Range, str]]:
-        for k, line in self._beginnings():
-            yield from ((below(place, line), text) for place, text in of(self._of_names(k)))
-
-    def _some(self, first: int, last: int | None) -> Iterator[tuple[int, int]]:
-        lines = self.reading.lines
-        for k, line in self._beginnings():
-            if lines[k + 1] >= first and (last is None or line <= last):
-                yield k, line
+        for k in range(len(self.reading.pieces)):
+            yield from ((self._range(k, place), text) for place, text in of(self._of_names(k)))
 
     def named(self, k: int) -> list[Named]:
         """Return the names of a piece that are declared somewhere."""
@@ -207,8 +228,8 @@ class Answers:
 
     def at(self, place: int) -> tuple[Occurrence | None, Source]:
         """Return the name at a character, and the text of its piece."""
-        k = self.reading.at(place)
-        return at(self.occurrences(k), place - self.reading.starts[k]), self.reading.pieces[k].source
+        k, own = self.reading.at(place)
+        return at(self.occurrences(k), own), self.reading.pieces[k].source
 
     def place(self, span: Span) -> tuple[str, int]:
         """Return the file in which something stands, and where in its whole text."""
@@ -218,8 +239,7 @@ class Answers:
     def declared(self, place: int) -> Declared | None:
         """Return where the name at a character is declared; None where there is none."""
         reading = self.reading
-        k = reading.at(place)
-        own = place - reading.starts[k]
+        k, own = reading.at(place)
         found = max((n for n in self.named(k) if n.start <= own <= n.end), key=lambda n: n.start, default=None)
         if found is None:
             return None
@@ -227,21 +247,21 @@ class Answers:
         if isinstance(found.where, str):
             return Declared(found.where, found.place, words)
         j = k if found.where == OWN else reading.used[k][found.where]
-        return Declared(reading.source.name, reading.starts[j] + reading.pieces[j].in_text(found.place), words)
+        return Declared(reading.source.name, reading.whole(j, reading.pieces[j].in_text(found.place)), words)
 
     def places(self, file: str, start: int, words: Iterable[str]) -> list[Span]:
         """Return all places in this text of what is declared in a file, itself or another one, and called so."""
         reading, found = self.reading, []
-        j = reading.at(start) if file == reading.source.name else None
-        place = start if j is None else reading.pieces[j].in_declarations(start - reading.starts[j])
+        j, place = reading.at(start) if file == reading.source.name else (None, start)
+        place = place if j is None else reading.pieces[j].in_declarations(place)
         for k, piece in enumerate(reading.pieces):
             if piece.words.isdisjoint(words):
                 continue
             where: str | int | None = file
             if j is not None:
                 where = OWN if j == k else reading.used[k].index(j) if j in reading.used[k] else None
-            found += [Span(reading.source, reading.starts[k] + n.start, reading.starts[k] + n.end)
-                      for n in self.named(k) if (n.where, n.place) == (where, place)]  # fmt: skip
+            own = (Span(piece.source, n.start, n.end) for n in self.named(k) if (n.where, n.place) == (where, place))
+            found += [here for span in own if (here := reading.here(span)) is not None]
         return found
 
 
@@ -257,11 +277,12 @@ class Declared:
 _NOWHERE = Scope(None, None, Report(), False)  # the outline asks for no scopes
 
 
-def _names_of(analysis: Analysis, names: list[Occurrence]) -> Names:
+def _names_of(analysis: Analysis, names: list[Occurrence], firsts: list[int]) -> Names:
     source = analysis.source
-    tokens = colours.encoded(source, names)
+    starts = [*(source.line_starts[line] for line in firsts), len(source.text) + 1]
+    tokens = [colours.encoded(source, [o for o in names if a <= o.start < b]) for a, b in pairwise(starts)]
     units = tuple((position(source, h.at), h.text) for h in hints.units(analysis, names))
     models = tuple((span_range(d.name_span), scope.full_name) for d in analysis.classes()
-                   if (scope := analysis.scopes.get(id(d))) is not None)  # fmt: skip
+                   if (scope := analysis.scopes.get(d.name_span.start)) is not None)  # fmt: skip
     runnable = tuple((span_range(d.name_span), name) for d, name in hints.runnable(analysis))
-    return Names(tokens, sum(tokens[::5]), units, models, runnable)
+    return Names(tokens, units, models, runnable)

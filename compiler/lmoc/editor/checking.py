@@ -16,13 +16,14 @@ from functools import cached_property
 from pathlib import Path
 
 from lmoc.editor.analysis import folders, opened, own_folder
-from lmoc.editor.pieces import Piece, Reading, read, with_inner
+from lmoc.editor.pieces import Piece, Reading, Stretch, read, with_inner
 from lmoc.messages.diagnostics import Diagnostic, ModelError, Report
 from lmoc.messages.source import Source, Span
 from lmoc.support.quoted import split
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
 from lmoc.syntax.classwise import parse_classwise, with_mistakes
+from lmoc.syntax.parts import blank, emptied
 
 _LINE = re.compile(r"\bline \d+|:\d+:\d+")  # a place in a message itself
 
@@ -196,16 +197,25 @@ class _Text:
         return [_Model("", None, None)]
 
     def _needs(self, name: str) -> tuple[int, ...] | None:
-        first = split(name)[0]
-        k = next((k for k, p in enumerate(self.reading.pieces) if any(c.name == first for c in p.file.classes)), None)
+        k = self._piece(name)
         needed = None if k is None else self.reading.needs[k]
         return None if needed is None else tuple(sorted(needed))
 
+    def _piece(self, name: str) -> int | None:
+        """The piece in which a class stands."""
+        inside: Iterable[object] = self.reading.file.classes
+        own: tree.Class | None = None
+        for part in split(name) if name else ():
+            own = next((c for c in inside if isinstance(c, tree.Class) and c.name == part), None)
+            if own is None:
+                break
+            inside = own.elements
+        return None if own is None else self.reading.number[id(own.span.source)]
+
     def own(self, model: _Model) -> Sequence[Piece]:
         """The pieces in which a model may stand itself."""
-        first = split(model.name)[0] if model.name else ""
-        found = [p for p in self.reading.pieces if any(c.name == first for c in p.file.classes)]
-        return found or self.reading.pieces
+        k = self._piece(model.name)
+        return self.reading.pieces if k is None else [self.reading.pieces[k]]
 
     def outcome(self, models: Collection[_Model], found: dict[_Model, _Found], left: int = 0) -> Checked:
         """The outcome of some models, in the order of the text."""
@@ -249,20 +259,27 @@ class _Text:
 
     def _tree(self, model: _Model) -> tree.File:
         """The tree of the text: its pieces parsed where they stand; of the others what their classes are called."""
-        pieces, starts = self.reading.pieces, self.reading.starts
-        needed = range(len(pieces)) if model.pieces is None else model.pieces
-        text = "".join(p.source.text if k in needed else p.blank for k, p in enumerate(pieces))
+        reading = self.reading
+        needed = range(len(reading.pieces)) if model.pieces is None else model.pieces
+        text = "".join(self._text(s, needed) for s in reading.stretches)
         report = Report()
-        file = parse_classwise(Source(self.reading.source.name, text), report)
+        file = parse_classwise(Source(reading.source.name, text), report)
         report.check()
         classes: list[tree.Class] = []
-        for k, piece in enumerate(pieces):
-            own = (c for c in file.classes if starts[k] <= c.span.start < starts[k + 1])
-            classes += own if k in needed else piece.file.classes
+        for k in (k for k, package in enumerate(reading.around) if package is None):
+            own = (c for c in file.classes if reading.at(c.span.start)[0] == k)
+            classes += own if k in needed else reading.pieces[k].file.classes
         return replace(file, classes=tuple(classes))
 
+    def _text(self, s: Stretch, needed: Collection[int]) -> str:
+        """The text of a stretch, or nothing that is as long; in a package, a class with nothing in it."""
+        text = self.reading.pieces[s.piece].source.text[s.start : s.end]
+        if s.piece in needed:
+            return text
+        return emptied(text) if self.reading.around[s.piece] in needed else blank(text)
+
     def _begin(self, model: _Model) -> tuple[int, ...]:
-        return () if model.pieces is None else tuple(self.reading.starts[k] for k in model.pieces)
+        return () if model.pieces is None else tuple(s.at for s in self.reading.stretches if s.piece in model.pieces)
 
     def _moved(self, d: Diagnostic) -> Diagnostic:
         """A diagnostic with places in the text itself instead of the text of a piece."""
@@ -274,11 +291,11 @@ class _Text:
         """Return whether the outcome says nothing of other pieces, and no lines in words, which may become others."""
         if model.pieces is None:
             return False
-        starts = self.reading.starts
         for f in found.findings:
             for place in _places(f):
-                k = self.reading.at(place.start)
-                if place.file == self.reading.source.name and (k not in model.pieces or place.end > starts[k + 1]):
+                s = self.reading.stretches[self.reading.stretch(place.start)]
+                beyond = s.piece not in model.pieces or place.end > s.at + s.end - s.start
+                if place.file == self.reading.source.name and beyond:
                     return False
             if any(_LINE.search(text) for text in (f.message, f.expected, f.found, f.hint, *(t for _, t in f.labels))):
                 return False

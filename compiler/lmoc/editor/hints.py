@@ -28,7 +28,7 @@ class Hint:
 def units(analysis: Analysis, names: list[Occurrence]) -> Iterator[Hint]:
     """Yield the unit behind each number that a modification or a declaration gives to a quantity."""
     of = {o.start: o for o in names}
-    for node in walk(analysis.placed):
+    for node in walk(analysis.file.classes):
         if isinstance(node, tree.ElementModification | tree.Component) and node.modification is not None:
             value = node.modification.value
             if not isinstance(value, tree.Number | tree.Unary):
@@ -50,7 +50,7 @@ def reduction(checked: Checked | None, model: str) -> str | None:
 def runnable(analysis: Analysis) -> Iterator[tuple[tree.Class, str]]:
     """Yield the models of a text that can be run, with their full names."""
     for definition in analysis.classes():
-        scope = analysis.scopes.get(id(definition))
+        scope = analysis.scopes.get(definition.name_span.start)
         if scope is not None and scope.kind == "model" and can_run(scope) and not _has_open_ports(scope):
             yield definition, scope.full_name
 

@@ -48,7 +48,7 @@ def occurrences(analysis: Analysis, around: int | None = None) -> list[Occurrenc
     """Return all names of a text that mean something, or of its class around a character, in their order."""
     found: list[Occurrence] = []
     for definition in analysis.classes(around):
-        scope = analysis.scopes.get(id(definition))
+        scope = analysis.scopes.get(definition.name_span.start)
         if scope is not None:
             found += _Names(scope, []).of_class()
     return sorted({(o.start, o.end): o for o in found}.values(), key=lambda o: o.start)

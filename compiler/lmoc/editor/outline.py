@@ -40,7 +40,7 @@ class Symbol:
 
 def symbols(analysis: Analysis) -> list[Symbol]:
     """Return the classes of a text with what is declared in them."""
-    return [_symbol(c) for c in analysis.placed]
+    return [_symbol(c) for c in analysis.file.classes]
 
 
 def _symbol(definition: tree.Class) -> Symbol:
@@ -59,7 +59,7 @@ def folds(analysis: Analysis) -> Iterator[tuple[Span, bool]]:
     """Yield what can be folded, and whether it is a comment."""
     for definition in analysis.classes():
         yield definition.span, False
-    for node in walk(analysis.placed):
+    for node in walk(analysis.file.classes):
         if isinstance(node, _FOLDED):
             yield node.span, False
     for m in _COMMENT.finditer(analysis.source.text):

@@ -39,11 +39,5 @@ def span_range(span: Span) -> lsp.Range:
     return lsp.Range(position(span.source, span.start), position(span.source, span.end))
 
 
-def below(place: lsp.Range, lines: int) -> lsp.Range:
-    """Return a range so many lines further down."""
-    start, end = place.start, place.end
-    return lsp.Range(lsp.Position(start.line + lines, start.character), lsp.Position(end.line + lines, end.character))
-
-
 def _units(text: str) -> int:
     return len(text) if text.isascii() else len(text.encode("utf-16-le")) // 2

@@ -20,7 +20,7 @@ from lmoc.editor.commands import COMMANDS
 from lmoc.editor.completion import proposals, signature
 from lmoc.editor.fixes import fixes
 from lmoc.editor.names import at, occurrences
-from lmoc.editor.positions import below, offset, position, span_range
+from lmoc.editor.positions import offset, position, span_range
 from lmoc.editor.rename import RenameRefused, renamable
 from lmoc.editor.rename import rename as renamed
 from lmoc.editor.session import Server, diagnostic, path_of
@@ -47,6 +47,7 @@ feature = server.feature
 def did_open(ls: Server, params: lsp.DidOpenTextDocumentParams) -> None:
     d = params.text_document
     ls.hold(d.uri)
+    ls.settle_later()
     ls.checker.ask(Request(path_of(d.uri), d.text, d.version))
 
 
@@ -220,13 +221,12 @@ def _location(span: Span) -> lsp.Location:
 @feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
 def document_symbols(ls: Server, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
     with ls.answering:
-        return [_symbol(s, line) for s, line in ls.answers(params.text_document.uri).symbols()]
+        return [_symbol(s) for s in ls.answers(params.text_document.uri).symbols()]
 
 
-def _symbol(s: outline.Symbol, line: int) -> lsp.DocumentSymbol:
+def _symbol(s: outline.Symbol) -> lsp.DocumentSymbol:
     kind = _SYMBOLS.get(s.kind, lsp.SymbolKind.Class)
-    inside = [_symbol(i, line) for i in s.inside]
-    return lsp.DocumentSymbol(s.name, kind, below(s.range, line), below(s.name_range, line), s.detail, children=inside)
+    return lsp.DocumentSymbol(s.name, kind, s.range, s.name_range, s.detail, children=[*map(_symbol, s.inside)])
 
 
 @server.thread()
@@ -238,9 +238,9 @@ def workspace_symbols(ls: Server, params: lsp.WorkspaceSymbolParams) -> list[lsp
     for uri in dict.fromkeys([*ls.workspace.text_documents, *files]):
         with ls.answering:
             symbols = [*ls.answers(uri).symbols()]
-        for s, line in symbols:
+        for s in symbols:
             if query in s.name.lower():
-                place = lsp.Location(uri, below(s.name_range, line))
+                place = lsp.Location(uri, s.name_range)
                 found.append(lsp.WorkspaceSymbol(place, s.name, _SYMBOLS.get(s.kind, lsp.SymbolKind.Class)))
     return found
 

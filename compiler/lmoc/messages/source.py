@@ -12,10 +12,16 @@ from lmoc.support.records import dataclass
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """One text that the compiler has read; compared by identity."""
+    """One text that the compiler has read; compared by identity.
+
+    Attributes
+    ----------
+    goes_on : whether it is a part of a text that ends later
+    """
 
     name: str
     text: str
+    goes_on: bool = False
 
     @cached_property
     def line_starts(self) -> list[int]:

@@ -3,12 +3,14 @@
 A text that the grammar accepts is read as one. Of any other, mistakes are sought in its parts (`syntax.parts`): those
 that are right by themselves are read as they stand, and from the first wrong part to the last one the text is repaired.
 So a mistake in a class says nothing of the classes before and behind it, and what is known of a part follows from its
-own text: an editor reads nothing else after a key (`lmoc.editor.analysis`).
+own text: an editor reads nothing else after a key (`lmoc.editor.pieces`). Likewise a mistake in a class inside of a
+package says nothing of what is around it there, where it is the only wrong one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from lmoc.messages.diagnostics import Diagnostic, Report
 from lmoc.messages.source import Source, Span
@@ -17,7 +19,7 @@ from lmoc.syntax import tree
 from lmoc.syntax.automaton import TooDeep, run
 from lmoc.syntax.declarations import Actions
 from lmoc.syntax.lexer import certain_tokens, left_open, scan
-from lmoc.syntax.parts import Part, divided
+from lmoc.syntax.parts import Part, divided, emptied, inside
 from lmoc.syntax.tables import load
 
 MOST_ERRORS = 20  # of one text: beyond them it is no program
@@ -67,10 +69,11 @@ def parsed_in_parts(source: Source, within: Part | None = None) -> Parsed:
         return whole
     parts = [p for p in divided(source.text) if within.start <= p.start < within.end]
     if len(parts) == 1:
-        return mended(source, parts[0])
+        return _repaired(source, parts[0])
     before = _right_ones(source, parts)
     behind = _right_ones(source, parts[: len(before) : -1])[::-1]
-    middle = mended(source, Part(parts[len(before)].start, parts[-1 - len(behind)].end))
+    wrong = Part(parts[len(before)].start, parts[-1 - len(behind)].end)
+    middle = _repaired(source, wrong) if wrong in parts else mended(source, wrong)
     return _joined([*before, middle, *behind], middle.mended)
 
 
@@ -92,10 +95,15 @@ def _joined(parts: Sequence[Parsed], repaired: Part | None) -> Parsed:
     return Parsed(tree.File(parts[0].file.within, classes, span), said[:MOST_ERRORS], repaired)
 
 
-def accepted(source: Source, part: Part) -> Parsed | None:
-    """What stands in a part of a text; None where the characters or the grammar make it wrong."""
+def accepted(source: Source, part: Part, text: str | None = None) -> Parsed | None:
+    """What stands in a part of a text; None where the characters or the grammar make it wrong.
+
+    Parameters
+    ----------
+    text : as long as that of `source`, and read in its place
+    """
     tables = load()
-    tokens, said = scan(source, tables, part)
+    tokens, said = scan(source if text is None else Source(source.name, text), tables, part)
     if said:
         return None
     found = Report()
@@ -129,6 +137,65 @@ def mended(source: Source, part: Part) -> Parsed:
         place = Span(source, tokens.starts[deep.at], tokens.ends[deep.at])
         return Parsed(_nothing(source), (*_first(said, MOST_ERRORS - 1), _too_deep(place)), part)
     return Parsed(file or _nothing(source), _first([*said, *found.diagnostics]), part)
+
+
+def _repaired(source: Source, part: Part) -> Parsed:
+    """As `mended`; a package of which only one class inside is wrong by itself is repaired there alone."""
+    cuts = inside(source.text, part)
+    read = [accepted(source, cut.part) for cut in cuts]
+    wrong = [cut for cut, own in zip(cuts, read)
+             if own is None or not right_inside(own.file, own.diagnostics, cut.head)]  # fmt: skip
+    one = mended_inside(source, wrong[0].part, wrong[0].head) if len(wrong) == 1 else None
+    if one is None:
+        return mended(source, part)
+    text, (start, end) = source.text, wrong[0].part
+    around = accepted(source, part, text[:start] + emptied(text[start:end]) + text[end:])
+    if around is None or not cut_out(around.file.classes, [cut.head for cut in cuts]):
+        return mended(source, part)
+    classes = filled(around.file.classes, {wrong[0].head: one.file.classes[0]})
+    file = tree.File(around.file.within, classes, around.file.span)
+    return Parsed(file, _first([*around.diagnostics, *one.diagnostics]), wrong[0].part)
+
+
+def right_inside(file: tree.File, said: Sequence[Diagnostic], head: int) -> bool:
+    """Whether a part is one class, whose name ends at a character, with all that is wrong in it."""
+    if file.within or len(file.classes) != 1:
+        return False
+    (own,) = file.classes
+    holds = (d.span is not None and own.span.start <= d.span.start and d.span.end <= own.span.end for d in said)
+    return own.name_span.end == head and all(holds)
+
+
+def mended_inside(source: Source, part: Part, head: int) -> Parsed | None:
+    """As `mended`, of a class inside of a package; None where it matters to what is around it."""
+    if left_open(source.text, part) is not None:
+        return None
+    parsed = mended(source, part)
+    return parsed if right_inside(parsed.file, parsed.diagnostics, head) else None
+
+
+def cut_out(classes: Sequence[tree.Class], heads: Sequence[int]) -> bool:
+    """Whether there are classes whose names end at these characters, public ones."""
+    found = {c.name_span.end for c in _all(classes) if not c.protected}
+    return found.issuperset(heads)
+
+
+def _all(classes: Iterable[tree.Class]) -> Iterator[tree.Class]:
+    for c in classes:
+        yield c
+        yield from _all(e for e in c.elements if isinstance(e, tree.Class))
+
+
+def filled(classes: Iterable[tree.Class], others: Mapping[int, tree.Class]) -> tuple[tree.Class, ...]:
+    """Classes in which others take the place of those whose names end at these characters."""
+
+    def one(e: tree.Element) -> tree.Element:
+        return others.get(e.name_span.end) or within(e) if isinstance(e, tree.Class) else e
+
+    def within(c: tree.Class) -> tree.Class:
+        return replace(c, elements=tuple(map(one, c.elements)))
+
+    return tuple(within(c) for c in classes)
 
 
 def refused(source: Source, part: Part) -> bool:

@@ -68,7 +68,8 @@ def found(trouble: Trouble, token: int | None = None) -> str:
     token = trouble.at if token is None else token
     symbol, text = trouble.tokens.symbols[token], trouble.tokens.texts[token]
     if symbol == END_OF_TEXT:  # or that of the part that is read
-        return _NAMES[symbol] if trouble.tokens.ends[token] == len(trouble.source.text) else "the next class"
+        ends = trouble.tokens.ends[token] == len(trouble.source.text) and not trouble.source.goes_on
+        return _NAMES[symbol] if ends else "the next class"
     if symbol == "STRING":
         return "a string"
     if symbol == "IDENT":

@@ -115,8 +115,8 @@ def _first_line(files: Sequence[tree.File]) -> Span | None:
 
 def _own_classes(root: Scope, files: Sequence[tree.File]) -> list[Scope]:
     """All classes that the files define, those inside of others included."""
-    spans = [(span, k) for k, file in enumerate(files) for span in (file.span, *(c.span for c in file.classes))]
-    sources = {id(span.source): k for span, k in spans}
+    placed = [(item.span, k) for k, file in enumerate(files) for item in (file, *_with_inner(file.classes))]
+    sources = {id(span.source): k for span, k in placed}
     found, pending = [], [root]
     while pending:
         for scope in pending.pop().local.values():
