@@ -1,6 +1,5 @@
 /* Radau IIA (E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 1996, IV.8): simplified Newton's method on
-   transformed stages, one real and one complex system, here of twice the size in real numbers. The matrix comes from
-   differences. */
+   transformed stages, one real and one complex system, here of twice the size in real numbers. */
 
 #include "radau.h"
 #include "dense.h"
@@ -30,10 +29,10 @@ static const double SLOWLY = 1e-3;       /* Newton's method; a new matrix is wor
 enum { MOST_ITERATIONS = 6 };
 
 int64_t lmoc_radau_place(lmoc_radau *s, double *memory) {
-  const int64_t n = s->n;
+  const int64_t n = s->n, own = s->factor ? 0 : n*n;
   int64_t total = 0;
 #define TAKE(name, count) (s->name = memory ? (void *)(memory + total) : 0, total += (count))
-  TAKE(x, n); TAKE(last, n); TAKE(f, n); TAKE(dense, 3*n); TAKE(jacobian, n*n); TAKE(real, n*n); TAKE(both, 4*n*n);
+  TAKE(x, n); TAKE(last, n); TAKE(f, n); TAKE(dense, 3*n); TAKE(jacobian, own); TAKE(real, own); TAKE(both, 4*own);
   TAKE(z, 3*n); TAKE(w, 3*n); TAKE(k, 3*n); TAKE(first, n); TAKE(second, 2*n); TAKE(scale, n); TAKE(next, n); TAKE(error, n);
   TAKE(pivots, 2*n);
 #undef TAKE
@@ -49,19 +48,30 @@ static double norm(const lmoc_radau *s, const double *v) {
   return sqrt(sum / (double)s->n);
 }
 
-/* Take the Jacobian at the present place. */
-static void renew(lmoc_radau *s) {
+static void rates_at(lmoc_radau *s, double time, const double *x, double *out) {
+  s->evaluations++;
+  s->rates(s->owner, time, x, out);
+}
+
+static void differences(lmoc_radau *s) {
   const int64_t n = s->n;
   double *aside = s->next, *there = s->error;
   memcpy(aside, s->x, (size_t)n * sizeof(double));
   for (int64_t j = 0; j < n; j++) {
     aside[j] = s->x[j] + ASIDE * fmax(fabs(s->x[j]), s->atol[j] / s->rtol);
-    s->rates(s->owner, s->t, aside, there);
+    rates_at(s, s->t, aside, there);
     for (int64_t i = 0; i < n; i++) s->jacobian[i*n + j] = (there[i] - s->f[i]) / (aside[j] - s->x[j]);
     aside[j] = s->x[j];
   }
-  s->rates(s->owner, s->t, s->x, there);
+  rates_at(s, s->t, s->x, there);
+}
+
+/* Take the Jacobian at the present place. */
+static void renew(lmoc_radau *s) {
+  if (s->slopes) s->slopes(s->owner, s->t, s->x, s->jacobian);
+  else differences(s);
   s->mark(s->owner);
+  s->jacobians++;
   s->factored = 0;
   s->fresh = 1;
 }
@@ -71,7 +81,7 @@ void lmoc_radau_jump(lmoc_radau *s) {
   memcpy(s->last, s->x, (size_t)s->n * sizeof(double));
   s->dense[0] = NAN;
   s->earlier = 0;
-  s->rates(s->owner, s->t, s->x, s->f);
+  rates_at(s, s->t, s->x, s->f);
   renew(s);
 }
 
@@ -80,6 +90,10 @@ static int factorized(lmoc_radau *s, double h) {
   const double a = COMPLEX[0] / h, b = COMPLEX[1] / h;
   double determinant;
   if (s->factored == h) return 1;
+  if (s->factor) {
+    s->factored = s->factor(s->owner, h) ? h : 0;
+    return s->factored == h;
+  }
   memset(s->both, 0, (size_t)(4*n*n) * sizeof(double));
   for (int64_t i = 0; i < n; i++) {
     for (int64_t j = 0; j < n; j++) {
@@ -95,12 +109,18 @@ static int factorized(lmoc_radau *s, double h) {
   return regular;
 }
 
+static void substitute(lmoc_radau *s, int complex, double *v) {
+  if (s->factor) s->substitute(s->owner, complex, v);
+  else if (complex) lmoc_dense_substitute(2*s->n, s->both, s->pivots + s->n, 1, v);
+  else lmoc_dense_substitute(s->n, s->real, s->pivots, 1, v);
+}
+
 /* The derivatives at the stages; 0 where there are none. */
 static int stage_rates(lmoc_radau *s, double h) {
   double check = 0;
   for (int64_t stage = 0; stage < 3; stage++) {
     for (int64_t i = 0; i < s->n; i++) s->next[i] = s->x[i] + s->z[stage * s->n + i];
-    s->rates(s->owner, s->t + h * NODES[stage], s->next, s->k + stage * s->n);
+    rates_at(s, s->t + h * NODES[stage], s->next, s->k + stage * s->n);
   }
   for (int64_t i = 0; i < 3 * s->n; i++) check += s->k[i] * 0;
   return check == 0;
@@ -115,8 +135,8 @@ static double iterate(lmoc_radau *s, double h) {
     s->second[i] = row(TRANSFORM[1], s->k, n, i) - (COMPLEX[0] * w[n + i] - COMPLEX[1] * w[2*n + i]) / h;
     s->second[i + n] = row(TRANSFORM[2], s->k, n, i) - (COMPLEX[0] * w[2*n + i] + COMPLEX[1] * w[n + i]) / h;
   }
-  lmoc_dense_substitute(n, s->real, s->pivots, 1, s->first);
-  lmoc_dense_substitute(2*n, s->both, s->pivots + n, 1, s->second);
+  substitute(s, 0, s->first);
+  substitute(s, 1, s->second);
   for (int64_t i = 0; i < n; i++) {
     const double a = s->first[i], b = s->second[i], c = s->second[i + n];
     sum += (a*a + b*b + c*c) / (s->scale[i] * s->scale[i]);
@@ -158,7 +178,7 @@ static int stages(lmoc_radau *s, double h, double *rate) {
 /* The error of the step to `next`, with derivatives at its beginning. */
 static double error_of(lmoc_radau *s, double h, const double *f) {
   for (int64_t i = 0; i < s->n; i++) s->error[i] = f[i] + row(ERROR, s->z, s->n, i) / h;
-  lmoc_dense_substitute(s->n, s->real, s->pivots, 1, s->error);
+  substitute(s, 0, s->error);
   return norm(s, s->error);
 }
 
@@ -184,7 +204,7 @@ static void accept(lmoc_radau *s, double h, double error, double safety, int slo
   s->earlier = h;
   s->earlier_error = error;
   s->rejected_last = 0;
-  s->rates(s->owner, s->t, s->x, s->f);
+  rates_at(s, s->t, s->x, s->f);
   s->fresh = 0;
   if (slowly) renew(s);
   s->step_size = slowly || grown >= WORTHWHILE ? h * grown : h;
@@ -213,7 +233,7 @@ int lmoc_radau_step(lmoc_radau *s) {
     double error = error_of(s, h, s->f);
     if (error > 1 && s->rejected_last) {
       for (int64_t i = 0; i < n; i++) s->first[i] = s->x[i] + s->error[i];
-      s->rates(s->owner, s->t, s->first, s->k);
+      rates_at(s, s->t, s->first, s->k);
       error = error_of(s, h, s->k);
     }
     if (error <= 1) {

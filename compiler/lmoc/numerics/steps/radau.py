@@ -1,31 +1,36 @@
-"""Radau IIA of order 5 by scipy: implicit, one step, accurate where a stiff problem also oscillates.
+"""Radau IIA of order 5: implicit, one step, accurate where a stiff problem also oscillates.
 
-Its error estimate is damped by stiffness, so steps may become so long that the polynomial of collocation is far off
-between their ends although it is right at them. Output therefore takes another polynomial, of degree 4, which also
-begins with the slope at which the step before has ended; where the two differ by more than the tolerances the step is
-made again, shorter.
+The steps are made in C (`engine/c/radau.c`); here is what a run asks of them. Their error estimate is damped by
+stiffness, so they may become so long that the polynomial of collocation is far off between their ends although it is
+right at them. Output therefore takes another polynomial, of degree 4, which also begins with the slope at which the
+step before has ended; where the two differ by more than the tolerances the step is made again, shorter.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
+from lmoc.engine.library import address
+from lmoc.engine.radau import Functions, RatesInC
+from lmoc.engine.radau import Radau as Engine
 from lmoc.numerics.limits import FINEST_SMOOTH
 from lmoc.numerics.problem.base import Integration, Problem, Properties
 from lmoc.numerics.problem.status import Status
-from lmoc.support.sizes import DENSE
+from lmoc.numerics.problem.system import System
+from lmoc.numerics.steps.dop853 import initial_step
+from lmoc.numerics.steps.resolvent import Resolvent
+from lmoc.support.sizes import DENSE_IN_C
 
 PROPERTIES = Properties(
-    "radau", "Radau IIA", "collocation", "5", "4", "scipy",
+    "radau", "Radau IIA", "collocation", "5", "4", "own",
     stability="L", implicit=True,
     good_for="stiff scenes whose fastest mode swings, and where there is no SUNDIALS",
 )  # fmt: skip
 
+_SHIFTS = (3.6378342527444957, 2.6810828736277523 - 3.0504301992474105j)  # as in C
 _NODES = np.array([0.0, (4 - 6**0.5) / 10, (4 + 6**0.5) / 10, 1.0])  # of collocation, and the beginning
-_FIT = np.linalg.inv(np.vander(_NODES, 4, increasing=True))  # from values there to coefficients
 _NOISE = 20 * float(np.finfo(float).eps)  # rounding of states and times in a polynomial through the nodes
 _ROUGH = 3.0  # tolerances between the two polynomials from which a step is made again
 _SAFETY, _SHORTER, _LONGER = 0.8, 0.1, 5.0  # how the longest step follows from the last, since they differ as h⁴
@@ -42,67 +47,49 @@ class Radau(Integration):
 
     def __init__(self, problem: Problem) -> None:
         super().__init__(problem)
-        self.rhs, self.jacobian = self._marked(_rhs(problem)), self._marked(_jacobian(problem))
-        self.raised: ValueError | None = None  # by the system itself, as a function given for an input may
+        system = problem.system
+        rtol = max(problem.rtol, FINEST_SMOOTH)
+        self.engine = Engine(len(problem.x), _functions(system), _in_c(system), problem.atol, rtol)
+        self.way = self.engine.way
+        self.way.end, self.way.max_step = problem.end, problem.max_step
         self.t, self.x = problem.t, problem.x.copy()
-        self.jacobians = 0
         self.jump(self.x)
+        self._first(problem.first_step)
 
+    @np.errstate(all="ignore")  # values that are not finite are reported by the status
     def jump(self, x: np.ndarray) -> None:
         self.before, self.x = self.t, x
         self.coefficients: np.ndarray | None = None
         self.rough = math.inf  # of the last try of this step
-        with np.errstate(all="ignore"):  # values that are not finite are reported by the status
-            self.slope = self.rhs(self.t, x)
-            self._begin(None, self.problem.max_step)
+        self.engine.jump(self.t, x)
+        self.slope = self.engine.f.copy()
 
-    def _begin(self, first_step: float | None, longest: float) -> None:
-        """Have scipy's solver stand where the run does."""
-        from scipy.integrate import Radau as Solver
-
-        problem = self.problem
-        self.solver = Solver(
-            self.rhs,
-            self.t,
-            self.x,
-            problem.end,
-            rtol=max(problem.rtol, FINEST_SMOOTH),
-            atol=problem.atol,
-            jac=self.jacobian,
-            first_step=first_step,
-            max_step=longest,
-        )
-
-    def _marked(self, function: Callable) -> Callable:
-        """Return a function whose errors can be told from those of scipy."""
-
-        def call(t: float, x: np.ndarray):
-            try:
-                return function(t, x)
-            except ValueError as error:
-                self.raised = error
-                raise
-
-        return call
+    def _first(self, step: float) -> None:
+        if math.isinf(step):
+            step = initial_step(self.problem, self.t, self.x, self.engine.f)
+        self.step_size = self.way.step_size = step
 
     @np.errstate(all="ignore")
     def step(self) -> Status:
+        way, system = self.way, self.problem.system
         while True:
-            try:
-                self.solver.step()
-            except ValueError as error:
-                if error is self.raised:
-                    raise
-                return Status.NOT_FINITE  # such a value has reached the factorization
-            if self.solver.status == "failed":
-                return Status.COLLAPSED
+            rejected, evaluations = way.rejected, way.evaluations
+            found = self.engine.step()
+            self.rejected += way.rejected - rejected
+            if way.owner:  # else Python has counted
+                system.evaluations += way.evaluations - evaluations
+            if not found:
+                finite = np.isfinite(self.engine.f).all() and math.isfinite(way.step_size)
+                return Status.COLLAPSED if finite else Status.NOT_FINITE
             if self._accept():
+                self.step_size = way.step_size
                 return Status.OK
 
     def _accept(self) -> bool:
-        """Take the step that scipy has made; False where it has to be made again, shorter."""
-        h, t_new = self.solver.t - self.t, float(self.solver.t)
-        coefficients = _FIT @ self.solver.dense_output()(self.t + _NODES * h).T
+        """Take the step that C has made; False where it has to be made again, shorter."""
+        way, engine = self.way, self.engine
+        h, t_new = way.length, way.t
+        coefficients = np.concatenate([engine.last[None], engine.dense])
         bend = h * self.slope - coefficients[1]
         inside = self.wanted < t_new
         rough = self._roughness(bend) if inside else 0.0
@@ -110,14 +97,14 @@ class Radau(Integration):
         if _ROUGH < rough < self.rough / 2:  # else a shorter step gains nothing: it is rounding, or a kink
             self.rough = rough
             self.rejected += 1
-            self.jacobians += self.solver.njev
-            self._begin(longest, longest)
+            engine.undo()
+            way.step_size = way.max_step = longest
             return False
         self.steps += 1
         self.rough = math.inf
-        self.before, self.t, self.x = self.t, t_new, self.solver.y
+        self.before, self.t, self.x = self.t, t_new, engine.x.copy()
         self.coefficients, self.bend, self.slope = coefficients, bend, np.arange(4) @ coefficients / h
-        self.solver.max_step = min(longest if inside else _UNSEEN * self.solver.max_step, self.problem.max_step)
+        way.max_step = min(longest if inside else _UNSEEN * way.max_step, self.problem.max_step)
         return True
 
     def _roughness(self, bend: np.ndarray) -> float:
@@ -130,7 +117,7 @@ class Radau(Integration):
         return _values((times - self.before) / (self.t - self.before), self.coefficients, self.bend)
 
     def counts(self) -> dict[str, int]:
-        return super().counts() | {"jacobians": self.jacobians + self.solver.njev}
+        return super().counts() | {"jacobians": self.way.jacobians}
 
 
 def _bubble(theta: np.ndarray) -> np.ndarray:
@@ -146,26 +133,31 @@ def _values(theta: np.ndarray, coefficients: np.ndarray, bend: np.ndarray) -> np
     return np.vander(theta, 4, increasing=True) @ coefficients + np.outer(_bubble(theta), bend)
 
 
-def _rhs(problem: Problem) -> Callable:
-    def rhs(t: float, x: np.ndarray) -> np.ndarray:
-        out = np.empty(len(x))
-        problem.system.rhs(t, x, out)
-        return out
-
-    return rhs
+def _in_c(system: System) -> RatesInC | None:
+    own = system.in_c()
+    if own is None:
+        return None
+    return RatesInC(own.call, address("lmoc_derivatives"), own.mark, address("lmoc_go_back"))
 
 
-def _jacobian(problem: Problem) -> Callable:
-    system = problem.system
-    if system.n <= DENSE:
-        return system.jacobian
-    from scipy.sparse import csc_matrix
+def _functions(system: System) -> Functions:
+    """Return what C asks of a system; from some size on its matrices are LAPACK's or sparse ones."""
+    if system.n <= DENSE_IN_C:
 
-    indptr, indices = system.pattern()
+        def slopes(t: float, x: np.ndarray, out: np.ndarray) -> None:
+            out[:] = system.jacobian(t, x)
 
-    def jacobian(t: float, x: np.ndarray):
-        values = np.empty(len(indices))
-        system.jacobian_values(t, x, values)
-        return csc_matrix((values, indices, indptr), shape=(system.n, system.n))
+        return Functions(system.rhs, system.mark, system.go_back, slopes, None, None)
+    resolvent = Resolvent(system, _SHIFTS)
 
-    return jacobian
+    def substitute(which: int, v: np.ndarray) -> None:
+        if not which:
+            v[:] = resolvent.solve(0, v)
+            return
+        found = resolvent.solve(1, v[0] + 1j * v[1])
+        v[0], v[1] = found.real, found.imag
+
+    def take(t: float, x: np.ndarray, _: np.ndarray) -> None:
+        resolvent.at(t, x)
+
+    return Functions(system.rhs, system.mark, system.go_back, take, resolvent.factorize, substitute)

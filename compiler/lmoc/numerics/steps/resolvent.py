@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from lmoc.numerics.problem.system import System
@@ -18,7 +20,7 @@ class Resolvent:
     evaluations : Jacobians computed so far
     """
 
-    def __init__(self, system: System, shifts: np.ndarray) -> None:
+    def __init__(self, system: System, shifts: Sequence[complex] | np.ndarray) -> None:
         self.system, self._shifts = system, shifts
         self.evaluations = 0
         self._jacobian = None
