@@ -99,7 +99,7 @@ def test_the_command_keeps_the_result_and_says_what_to_change(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("verb", ["run", "check", "equations", "linearize", "equilibria"])
-@pytest.mark.parametrize("value", ["1e308", "1e30", "1e12", "1e-308"])
+@pytest.mark.parametrize("value", ["1e308", "1e30", "1e-308"])
 def test_absurd_numbers_end_by_themselves(verb, value, capsys):
     """Without the help of the clock: hopeless runs are known by the pace of their steps."""
     code = main([verb, SUSPENSION, "--set", f"k1={value}"])

@@ -19,7 +19,7 @@ end P;"""
 
 
 @pytest.mark.parametrize("solver", ADAPTIVE)
-@pytest.mark.parametrize("place", [0.5, 33.3, 50, 99.5])
+@pytest.mark.parametrize("place", [0.5, 33.3])
 def test_a_gaussian_of_ten_milliseconds(solver, place):
     dae = lmoc.compile_text(PUSHED.format(f"100*exp(-((time - {place})/0.01)^2)"))
     run = dae.simulate(stop=100, points=11, solver=solver)

@@ -130,7 +130,7 @@ def test_a_value_that_nobody_takes_is_not_missed():
 
 
 @every_solver
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8])
 def test_the_error_is_as_small_as_the_tolerance_says(solver, rtol):
     run = simulate(oscillator(c=0.5).reduced(), options=RunOptions(solver=solver, rtol=rtol, stop=5.0, points=301))
     m, k, c = 2.0, 50.0, 0.5

@@ -20,7 +20,7 @@ from lmoc.numerics.solve.newton import Newton, shortest_solution, vanishes
 from lmoc.report.result import Result
 
 STIFFNESS = (1.0, 2.0, 3.0)
-SOLVERS = ["dop853", "radau", "cvode", "adams", "ida", "cvodes"]
+SOLVERS = ["dop853", "radau", "cvode", "ida"]
 WAYS = {"numpy": VectorSystem, "engine": EngineSystem}
 
 
@@ -50,8 +50,7 @@ def row(count: int, g: float = 0.0) -> lmoc.DAE:
 @pytest.mark.parametrize(
     ("count", "g", "solver"),
     [
-        *((2, 0.0, solver) for solver in SOLVERS),
-        (3, 0.0, "radau"),
+        *((2, 0.0, solver) for solver in SOLVERS if solver != "ida"),
         (3, 0.0, "ida"),
         (2, 9.81, "cvode"),
     ],

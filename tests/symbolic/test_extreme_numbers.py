@@ -21,9 +21,8 @@ STUCK = """model Stuck DryFriction f(F = 1); Fixed w; Mass m(m = 1, g = 1); Spri
 @pytest.mark.parametrize(
     ("text", "name", "value"),
     [
-        *((text, "m.m", v) for text in (SWING, STUCK) for v in ("1e308", "-1e308", "1e-308", "5e-324", "1e155")),
-        (SWING, "s.k", "1e308"), (SWING, "s.k", "5e-324"), (SWING, "d.c", "-1e308"), (SWING, "d.c", "1e-308"),
-        (STUCK, "f.F", "1e155"), (STUCK, "f.F", "5e-324"),
+        *((text, "m.m", v) for text in (SWING, STUCK) for v in ("-1e308", "5e-324", "1e155")),
+        (SWING, "s.k", "1e308"), (SWING, "d.c", "1e-308"), (STUCK, "f.F", "5e-324"),
     ],
 )  # fmt: skip
 def test_every_derivation_ends_with_an_answer_or_a_diagnostic(text, name, value, tmp_path, capsys):

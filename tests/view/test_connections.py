@@ -25,10 +25,10 @@ def opened(path: Path) -> tuple[FlatDAE, Picture]:
 
 
 RANDOM = {
-    **{f"graph-{k}": graph(k, 8 + (k * 7) % 52) for k in range(0, 24, 2)},
-    **{f"graph-{k}": graph(k, 8 + (k * 5) % 40) for k in range(1, 24, 4)},
-    **{f"wheels-{k}": graph(k, 5 + (k * 11) % 20, 1 + k % 4) for k in range(4)},
-    **{f"machines-{k}": graph(k, 6 + (k * 11) % 24, machines=3) for k in range(5)},
+    **{f"graph-{k}": graph(k, 8 + (k * 7) % 52) for k in range(0, 24, 4)},
+    **{f"graph-{k}": graph(k, 8 + (k * 5) % 40) for k in range(1, 24, 8)},
+    **{f"wheels-{k}": graph(k, 5 + (k * 11) % 20, 1 + k % 4) for k in range(3)},
+    **{f"machines-{k}": graph(k, 6 + (k * 11) % 24, machines=3) for k in range(3)},
     "lattice": lattice(5, 2),
     "lattice of three rows": lattice(4, 3),
     "lattice of shafts": lattice(3, 3, "shaft"),
