@@ -1,7 +1,7 @@
 """Writes the gallery: ``python docs/make_gallery.py [FOLDER]`` fills ``docs/gallery/``, to be put on any web space.
 
 Each scene has a page of its own (that of `lmoc view`: picture, plots, sliders, equations), the index finds it by words
-and kinds. The scenes of the lecture notes come first, as a course in the order of the notes. Some 18 MB are made, in a
+and kinds. The scenes of the lecture notes come first, as a course in the order of the notes. Some 31 MB are made, in a
 minute or two: the folder is not kept with the sources.
 """
 

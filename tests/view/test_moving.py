@@ -157,3 +157,13 @@ def test_lever_arms_have_dimensions():
     lines = [i for i in picture.items if i.symbol == "dimension"]
     said = [plain(s.text) for i in lines for s in i.shapes if isinstance(s, Label)]
     assert len(said) == 2 and all(t.startswith("l") and t.endswith(" m") for t in said)
+
+
+def test_the_falls_of_a_rope_end_at_the_pulley_that_they_carry():
+    dae = compiled(MODELS / "textbook" / "hoist.lmo")
+    moving = Moving(dae.draw().picture, dae.simulate(points=3))
+    for k in (0, 2):
+        items = moving.at(k)
+        pulley = next(i for i in items if i.symbol == "pulley")
+        falls = [i.ends[1].y for i in items if i.part == "rope" and i.symbol == "string" and len(i.ends) == 2]
+        assert len(falls) == 2 and falls == pytest.approx([pulley.ends[0].y] * 2)

@@ -136,13 +136,24 @@ class Hanging:
         return flat.block.at(-x - flat.reach[node] - gap, -y)
 
     def string(
-        self, part: str, node: int | None, a: Point, b: Point, moved: int, direction: Direction | None = None
+        self,
+        part: str,
+        node: int | None,
+        a: Point,
+        b: Point,
+        moved: int,
+        direction: Direction | None = None,
+        axle: int | None = None,
     ) -> Item:
-        """A piece of rope; the end `moved` (0, 1, or -1 for none) moves with the node, along its line by default."""
+        """A piece of rope; the end `moved` (0, 1, or -1 for none) moves with the node, along its line by default.
+
+        Where it meets a pulley that moves, it does so with the node of the axle.
+        """
         ends = [Anchor(*a), Anchor(*b)]
-        variable = self.style.variables.get(node)
+        mover = node if axle is None else axle
+        variable = self.style.variables.get(mover)
         if variable and moved >= 0:
-            dx, dy = direction or self.direction(node)
+            dx, dy = direction or self.direction(mover)
             ends[moved] = Anchor(ends[moved].x, ends[moved].y, (Move(variable, dx, dy, None, GROUP),))
         made = symbols.line("string", part, ends[0], ends[1], 1.4, "string")
         met = () if node is None else (node, node)
@@ -209,11 +220,12 @@ def _side_by_side(rope: Rope, hanging: Hanging) -> Block:
         part = _over(before or after, node).name
         tops = [0.0 for j in (before, after) if j is not None and not j.below]
         bottoms = [depth for j in (before, after) if j is not None and j.below]
+        axle = next((j.axle for j in (before, after) if j is not None and j.below), None)
         if len(tops) == 1 and bottoms:
-            items.append(hanging.string(part, node, (x[k], 0.0), (x[k], depth), -1))
+            items.append(hanging.string(part, node, (x[k], 0.0), (x[k], depth), 1, axle=axle))
         elif bottoms:
             top = ceiling if node in hanging.walls else 0.0
-            items.append(hanging.string(part, node, (x[k], top), (x[k], depth), -1))
+            items.append(hanging.string(part, node, (x[k], top), (x[k], depth), 1, axle=axle))
             block = block.beside(contents[k].at(x[k], top))
         else:
             items.append(hanging.string(part, node, (x[k], 0.0), (x[k], FALL), 1))
