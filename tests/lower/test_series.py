@@ -104,3 +104,14 @@ def test_kinks_and_samples_have_none():
     dae = lmoc.compile_text("model M Real x(start = 1, fixed = true); equation der(x) = -abs(x); end M;")
     run = dae.simulate(stop=1, points=3, solver="taylor")
     assert run.stats["solver"] == "dop853" and "kinks" in str(run.stats)
+
+
+def test_a_function_of_what_grows_evenly_with_time_takes_no_sum():
+    """der(y) = cos(w*t + 1): the coefficients are those of the closed form, at another time than zero."""
+    _, system = system_of("model M parameter Real w = 3; Real y(start = 0, fixed = true);\n"
+                          "equation der(y) = cos(1 + w*time); end M;")  # fmt: skip
+    names = [RECURRENCES[op] for op, *_ in np.reshape(system._of.code, (-1, 4)).tolist()]
+    assert names.count("of_time") == 2 and "chain" not in names
+    found = coefficients(system, 0.4, [0.0], 12)[0]
+    turned = [math.sin(2.2 + k * math.pi / 2) * 3.0 ** (k - 1) / math.factorial(k) for k in range(1, 13)]
+    assert np.allclose(found[1:], turned, rtol=1e-13)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from oracles.models import compiled
 
 import lmoc
 from lmoc.messages.diagnostics import SimulationError
@@ -36,6 +37,7 @@ def dae():
 def large(monkeypatch):
     """The rules of large scenes hold for all."""
     monkeypatch.setattr(series_rule, "SMALL", 0)
+    monkeypatch.setattr(series_rule, "PLAIN", 0)
 
 
 def chain(masses):
@@ -76,6 +78,7 @@ def test_ten_thousand_periods_keep_the_energy(dae):
 @pytest.mark.parametrize("small", [0, series_rule.SMALL])
 def test_the_error_of_an_undamped_run_is_near_the_tolerance_however_long(dae, periods, rtol, small, monkeypatch):
     monkeypatch.setattr(series_rule, "SMALL", small)
+    monkeypatch.setattr(series_rule, "PLAIN", small)
     run = dae.simulate(stop=2 * np.pi * periods, points=201, rtol=rtol)
     error = np.abs(run["x"] - np.cos(run.time)).max()
     assert error < 30 * rtol and (small or error > 0.01 * rtol)  # a series has more digits, which cost nothing
@@ -173,6 +176,7 @@ def test_stiffness_of_linear_motion_is_known_by_its_eigenvalues(rtol, series, mo
     dae = lmoc.compile_text(text)
     if not series:
         monkeypatch.setattr(series_rule, "SMALL", 0)
+    monkeypatch.setattr(series_rule, "PLAIN", 0)
     run = dae.simulate(stop=20, rtol=rtol)
     assert run.stats["solver"] == ("taylor" if series else "dop853") + ", cvode"
     assert "because the fastest mode decays (time constant 1.25e-05 s)" in run.stats["reason"]
@@ -270,3 +274,10 @@ def test_a_stiff_scene_whose_conditions_are_looked_at_goes_on_by_bdf_early():
     assert "cvode" in run.stats["solver"] and run.stats["steps"] < 1000 and run["n"][-1] == 1
     (event,) = run.events
     assert event.time == pytest.approx(np.pi / 2 + 1 / 6000, abs=1e-6)
+
+
+@pytest.mark.parametrize(("scene", "begins"), [("classic/pleiades", "taylor"), ("planar/scissor_lift", "dop853")])
+def test_larger_scenes_begin_along_a_series_where_they_have_no_blocks(scene, begins):
+    """Both have more rows than `SMALL` and fewer than `PLAIN`."""
+    run = compiled(scene).simulate(stop=0.1, points=2, energy=False)
+    assert run.stats["solver"] == begins

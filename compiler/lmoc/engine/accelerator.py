@@ -217,19 +217,20 @@ class Accelerator(ABC):
     library : what has been made; None as long as there is nothing
     """
 
-    def __init__(self, cost_of_one: float) -> None:
+    def __init__(self, cost_of_one: float, share: float = 1.0) -> None:
         """
         Parameters
         ----------
         cost_of_one : operations of an evaluation, of about a nanosecond
+        share : of `WORTHWHILE`, after which it is compiled
         """
         self.library: ctypes.CDLL | None = None
-        self._work, self._cost, self._begun = 0.0, cost_of_one, False
+        self._work, self._cost, self._share, self._begun = 0.0, cost_of_one, share, False
 
     def note(self, evaluations: int) -> None:
         """Take note of evaluations that have been made."""
         self._work += evaluations * self._cost
-        if self._work >= WORTHWHILE and not self._begun:
+        if self._work >= self._share * WORTHWHILE and not self._begun:
             self._begun = True
             # a daemon: a program that has ended does not wait for it
             threading.Thread(target=self._compile, daemon=True).start()

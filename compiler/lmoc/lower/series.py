@@ -76,6 +76,7 @@ class _SeriesWriter:
         self.code: list[tuple[int, ...]] = []
         self.source: list[int] = []
         self.series: dict[int, int] = {}  # by the place of order zero
+        self.even: set[int] = set()  # series that grow evenly with time: of two coefficients
         self.filled: set[int] = set()  # places whose series has its instruction
         self.numbers: set[int] = set()  # places of numbers that instructions read
         self.blocks: dict[int, tuple[set[int], set[int]]] = {}  # series of their unknowns and residuals
@@ -151,6 +152,9 @@ class _SeriesWriter:
         own = [-1 if s else self.of(place[a]) for a, s in zip(args, steady, strict=True)]
         self.numbers.update(place[a] for a, s in zip(args, steady, strict=True) if s)
         op = node.op
+        linear = op in ("neg", "add", "sub") or (op == "mul" and any(steady)) or (op == "div" and steady[1])
+        if linear and all(s < 0 or self._grows_evenly(s) for s in own):
+            self.even.add(out)
         if op == "neg":
             self.write("neg", out, own[0])
         elif op in ("add", "sub"):
@@ -169,6 +173,9 @@ class _SeriesWriter:
         else:
             self._function(node, nodes, place, out)
 
+    def _grows_evenly(self, series: int) -> bool:
+        return series in self.even or series == self.series.get(self.tape.time)
+
     def _function(self, node: Expr, nodes: Nodes, place: dict[Expr, int], out: int) -> None:
         more = ""
         for x, g in zip(node.args, nodes.partials[node], strict=True):
@@ -177,6 +184,8 @@ class _SeriesWriter:
             if nodes.steady[g]:
                 self.numbers.add(place[g])
                 self.write("scale" + more, out, self.of(place[x]), place[g])
+            elif len(node.args) == 1 and self._grows_evenly(self.of(place[x])):
+                self.write("of_time", out, self.of(place[x]), self.of(place[g]))
             else:
                 self.write("chain" + more, out, self.of(place[x]), self.of(place[g]))
             more = "_more"

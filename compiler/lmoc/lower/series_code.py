@@ -13,6 +13,7 @@ power out a number           with a constant exponent
 chain out x g                of a function with the slope g; ``…_more`` adds to what stands there
 total out n, then n pairs    of a series and the place of a coefficient
 open k, solve k              the unknowns of a block: as if they were zero, then as they are
+of_time out x g              as chain, where x grows evenly with time: no sum
 late out a x                 what a product of a and an unknown x lacks: a at order zero times x
 ============================ ============================================================
 """
@@ -24,7 +25,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 RECURRENCES = tuple(
     "end copy neg add sub scale ratio convolve square quotient power chain chain_more scale_more total open "
-    "solve late".split()
+    "solve late of_time".split()
 )
 NUMBER = {name: k for k, name in enumerate(RECURRENCES)}
 PRODUCTS = {"convolve", "square", "quotient", "power", "chain", "chain_more"}
@@ -110,7 +111,7 @@ def _of_lower_orders(own: Instruction) -> list[int]:
         return [a, out]
     if name == "quotient":
         return [b, out]
-    return [a, b] if name in ("convolve", "chain", "chain_more") else []
+    return [a, b] if name in ("convolve", "chain", "chain_more", "of_time") else []
 
 
 def dependent(code: Sequence[Instruction], unknowns: set[int]) -> list[Instruction]:

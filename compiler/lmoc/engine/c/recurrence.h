@@ -47,6 +47,11 @@ LMOC_INLINE lmoc_real lmoc_chain(int64_t k, const lmoc_real *x, const lmoc_real 
   return (even + odd) / (double)k;
 }
 
+/* the same where x has no coefficients beyond the first, as a phase that grows with time */
+LMOC_INLINE lmoc_real lmoc_of_time(int64_t k, const lmoc_real *x, const lmoc_real *g) {
+  return x[1] * g[k - 1] / (double)k;
+}
+
 LMOC_INLINE lmoc_real lmoc_power(int64_t k, const lmoc_real *a, lmoc_real p, const lmoc_real *c) {
   lmoc_real sum = {0};
   for (int64_t j = 0; j < k; j++) sum += (p * (double)(k - j) - (double)j) * a[k - j] * c[j];

@@ -72,6 +72,7 @@ LMOC_WIDEST void LMOC_NAME(lmoc_series_order)(const lmoc_series *y, int64_t k) {
       case SERIES_chain: out[k] = lmoc_chain(k, S(p[2]), S(p[3])); break;
       case SERIES_chain_more: out[k] += lmoc_chain(k, S(p[2]), S(p[3])); break;
       case SERIES_scale_more: out[k] += W(p[3]) * S(p[2])[k]; break;
+      case SERIES_of_time: out[k] = lmoc_of_time(k, S(p[2]), S(p[3])); break;
       case SERIES_late: out[k] += S(p[2])[0] * S(p[3])[k]; break;
       case SERIES_total: {
         lmoc_real sum = ZERO;

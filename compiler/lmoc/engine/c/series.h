@@ -16,7 +16,7 @@
 /* Instructions in the order of `lower/series_code.py`; operands are series, or places of numbers (n). */
 #define LMOC_RECURRENCES(X) \
   X(end) X(copy) X(neg) X(add) X(sub) X(scale) X(ratio) X(convolve) X(square) X(quotient) X(power) X(chain) \
-  X(chain_more) X(scale_more) X(total) X(open) X(solve) X(late)
+  X(chain_more) X(scale_more) X(total) X(open) X(solve) X(late) X(of_time)
 
 typedef struct lmoc_series {
   void (*order)(const struct lmoc_series *y, int64_t k); /* coefficients of order k > 0; compiled or not */

@@ -2,17 +2,19 @@
 
 #include "taylor.h"
 
+#include "rows.h"
+
+#include <float.h>
+
 #define N_SERIES LMOC_LENGTH
 #define LOOKS 4    /* places at which coordinates are looked at in a step (`steps/taylor.py`) */
 #define JUDGED 50  /* steps from which their mean length is looked at (`steps/taylor.py`) */
+#define LAST 5     /* terms that are looked at */
 #define BESIDE 4   /* states that are worked on at once */
 #define ALLOWED 5  /* tolerances that the slope may miss at the end of a step, as an error over the step */
 #define BIT(lane) ((int64_t)1 << (lane))
 #define Q(q, i, k) (q)[LMOC_AT((i)*N_SERIES + (k)) + l]
 #define ROW(q, first, k) LMOC_ROW(q, (first) + (k))
-
-/* What is left of a, and of b where that is larger. */
-static inline double larger(double a, double b) { return b > a ? b : a; }
 
 static int evaluate(lmoc_call *c, lmoc_times time, const double *x) {
 #if !LMOC_OF_LANES
@@ -24,27 +26,19 @@ static int evaluate(lmoc_call *c, lmoc_times time, const double *x) {
 #endif
 }
 
-/* The coefficients of order k + 1 of the states, which those of order k of their derivatives give; what becomes of them
-   times zero is added to `check`. */
-LMOC_WIDEST static void raise(const lmoc_taylor *y, int64_t k, double *check) {
+/* The coefficients of order k + 1 of the states, which those of order k of their derivatives give, into `q` too; what
+   becomes of them times zero is added to `check`. */
+LMOC_WIDEST static void raise(const lmoc_taylor *y, int64_t k, double *q, double *check) {
   const lmoc_series *r = y->series;
   const int64_t n = y->call->n;
   const double by = (double)(k + 1);
   lmoc_real sum = LMOC_ROW(check, 0);
   for (int64_t i = 0; i < n; i++) {
     const lmoc_real next = ROW(r->s, r->derivatives[i]*(int64_t)N_SERIES, k) / by;
-    ROW(r->s, r->states[i]*(int64_t)N_SERIES, k + 1) = next;
+    ROW(r->s, r->states[i]*(int64_t)N_SERIES, k + 1) = ROW(q, i*N_SERIES, k + 1) = next;
     sum += next * 0;
   }
   LMOC_ROW(check, 0) = sum;
-}
-
-LMOC_WIDEST static void take(const lmoc_taylor *y, double *q) {
-  const lmoc_series *r = y->series;
-  for (int64_t i = 0; i < y->call->n; i++) {
-    const double *s = r->s + LMOC_AT(r->states[i]*(int64_t)N_SERIES);
-    for (int64_t k = 0; k <= y->order; k++) ROW(q, i*N_SERIES, k) = LMOC_ROW(s, k);
-  }
 }
 
 int LMOC_NAME(lmoc_taylor_series)(const lmoc_taylor *y, lmoc_times time, const double *x, double *q) {
@@ -55,11 +49,12 @@ int LMOC_NAME(lmoc_taylor_series)(const lmoc_taylor *y, lmoc_times time, const d
 #if !LMOC_OF_LANES
   if (y->call->tables) lmoc_tables_series(y->call->tables, time, y->series->of_register, N_SERIES, y->series->s);
 #endif
+  for (int64_t i = 0; i < y->call->n; i++)
+    ROW(q, i*N_SERIES, 0) = ROW(y->series->s, y->series->states[i]*(int64_t)N_SERIES, 0);
   for (int64_t k = 0; k < y->order; k++) {
     if (k) y->series->order(y->series, k);
-    raise(y, k, check);
+    raise(y, k, q, check);
   }
-  take(y, q);
   LMOC_EACH_LANE if (check[l] != 0) lost |= BIT(l);
   return lost;
 }
@@ -88,7 +83,7 @@ LMOC_WIDEST static void value(int64_t n, int64_t order, const double *h, const d
 /* The same for some of the states at several distances of one lane; sums that do not wait for each other. */
 LMOC_INLINE void some_values(int64_t n, int64_t order, int64_t count, const double *h, const double *q, int64_t states,
                              double *x) {
-  lmoc_together s[6], distance[2];
+  lmoc_together s[8], distance[2];
   double *at = (double *)distance;
   for (int64_t j = 0; j < 2*LMOC_TOGETHER; j++) at[j] = h[j < count ? j : 0];
   for (int64_t j = 0; j < 2*states; j++) s[j] = (lmoc_together){0};
@@ -106,56 +101,51 @@ LMOC_WIDEST static void values(int64_t n, int64_t order, int64_t count, const do
   for (; count > 0; count -= 2*LMOC_TOGETHER, h += 2*LMOC_TOGETHER, x += 2*LMOC_TOGETHER*n) {
     const int64_t m = count < 2*LMOC_TOGETHER ? count : 2*LMOC_TOGETHER;
     int64_t i = 0;
-    for (; i + 3 <= n; i += 3) some_values(n, order, m, h, q + LMOC_AT(i*N_SERIES), 3, x + i);
-    for (; i < n; i++) some_values(n, order, m, h, q + LMOC_AT(i*N_SERIES), 1, x + i);
+    for (; i + 4 <= n; i += 4) some_values(n, order, m, h, q + LMOC_AT(i*N_SERIES), 4, x + i);
+    if (i + 2 <= n) {
+      some_values(n, order, m, h, q + LMOC_AT(i*N_SERIES), 2, x + i);
+      i += 2;
+    }
+    if (i < n) some_values(n, order, m, h, q + LMOC_AT(i*N_SERIES), 1, x + i);
   }
 }
 
 /* A step after which the last term is as large as the tolerances. Terms shrink by a factor an order: those before
-   may be larger; five are looked at, because some vanish by symmetry. All in powers of two. */
+   may be larger; five are looked at, because some vanish by symmetry. All in powers of two, of which some digits suffice: by
+   the library's functions they took as long as the steps of a small scene. */
 LMOC_WIDEST static void length(int64_t n, int64_t order, const double *rtol, const double *atol, const double *q,
                                double *h) {
-  double whole[LMOC_LANES], sizes[5][LMOC_LANES] = {{0}};
-  LMOC_EACH_LANE whole[l] = 1;
-  for (int64_t i = 0; i < n; i++) {
-    double scale[LMOC_LANES];
-    LMOC_EACH_LANE {
-      const double y = fabs(Q(q, i, 0));
-      scale[l] = atol[LMOC_AT(i) + l] + rtol[l]*y;
-      whole[l] = larger(whole[l], y / scale[l]);
-    }
-    for (int64_t j = 0; j < 5; j++)
-      LMOC_EACH_LANE sizes[j][l] = lmoc_max(sizes[j][l], fabs(Q(q, i, order - j)) / scale[l]);
+  lmoc_real whole = (lmoc_real){0} + 1, sizes[LAST], power = (lmoc_real){0} + INFINITY;
+  for (int64_t j = 0; j < LAST; j++) sizes[j] = (lmoc_real){0};
+  for (int64_t i = 0; i < n; i++, q += LMOC_AT(N_SERIES)) {
+    const lmoc_real y = lmoc_absolute(LMOC_ROW(q, 0)), by = 1 / (LMOC_ROW(atol, i) + LMOC_ROW(rtol, 0)*y);
+    whole = lmoc_larger(whole, y*by);
+    for (int64_t j = 0; j < LAST; j++)
+      sizes[j] = lmoc_larger(sizes[j], lmoc_absolute(LMOC_ROW(q, order - j))*by);
   }
-  LMOC_EACH_LANE {
-    double power = INFINITY;
-    const double lost = log2(whole[l]) / (double)order;
-    for (int64_t j = 0; j < 5; j++) {
-      if (!(sizes[j][l] > 0)) continue;
-      const double own = ((double)j*lost - log2(sizes[j][l])) / (double)(order - j);
-      power = own < power ? own : power;
-    }
-    h[l] = exp2(power);
+  const lmoc_real lost = lmoc_log2(whole) / (double)order;
+  for (int64_t j = 0; j < LAST; j++) {
+    const lmoc_real own = ((double)j*lost - lmoc_log2(sizes[j])) / (double)(order - j);
+    power = lmoc_smaller(power, LMOC_CHOOSE(sizes[j] > DBL_MAX, (lmoc_real){0} - INFINITY, own));
   }
+  LMOC_ROW(h, 0) = lmoc_exp2(power);
 }
 
 /* How much the polynomial misses the differential equation at its end, as an error of the step in tolerances: its
    derivative at h against that of the series that begins there. */
 LMOC_WIDEST static void defect(int64_t n, int64_t order, const double *h, const double *rtol, const double *atol,
                                const double *q, const double *next, double *worst) {
-  lmoc_real slopes[BESIDE];
-  LMOC_EACH_LANE worst[l] = 0;
+  lmoc_real slopes[BESIDE], found = {0};
   for (int64_t i = 0; i < n; i++) {
-    const double *slope = (const double *)(slopes + i % BESIDE);
     if (i % BESIDE == 0) {
       if (i + BESIDE <= n) polynomials(BESIDE, 1, order, h, q + LMOC_AT(i*N_SERIES), slopes);
       else for (int64_t j = i; j < n; j++) polynomials(1, 1, order, h, q + LMOC_AT(j*N_SERIES), slopes + j - i);
     }
-    LMOC_EACH_LANE {
-      const double scale = atol[LMOC_AT(i) + l] + rtol[l]*larger(fabs(Q(q, i, 0)), fabs(Q(next, i, 0)));
-      worst[l] = lmoc_max(worst[l], fabs(h[l] * (slope[l] - Q(next, i, 1))) / scale);
-    }
+    const lmoc_real y = lmoc_larger(lmoc_absolute(ROW(q, i*N_SERIES, 0)), lmoc_absolute(ROW(next, i*N_SERIES, 0)));
+    const lmoc_real missed = LMOC_ROW(h, 0) * (slopes[i % BESIDE] - ROW(next, i*N_SERIES, 1));
+    found = lmoc_worse(found, lmoc_absolute(missed) / (LMOC_ROW(atol, i) + LMOC_ROW(rtol, 0)*y));
   }
+  LMOC_ROW(worst, 0) = found;
 }
 
 #if !LMOC_OF_LANES

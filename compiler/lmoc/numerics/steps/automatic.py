@@ -30,14 +30,13 @@ from lmoc.numerics.problem.status import Status
 from lmoc.numerics.problem.system import System
 from lmoc.numerics.steps.added_errors import bdf_factor, calibration, refinement
 from lmoc.numerics.steps.modes import EIGENVALUES, Modes
-from lmoc.numerics.steps.series_rule import is_better
+from lmoc.numerics.steps.series_rule import LOOKED_AT, is_better
 from lmoc.support.records import dataclass, replace
 
 NOT_STIFF = "not stiff"  # why a method goes on as it has begun
 TRIAL = 40  # steps after which the rest of a run is judged
 _AGAIN = 4  # times as many steps later it is judged again
 OVERRUN = 60  # steps ahead up to which a run goes on as it has begun
-_LOOKED_AT = 50  # states up to which their modes are looked at in no time, so that a run may begin with a series
 _SHORT = 0.2  # of the steps before: a series whose steps are shorter is at odds with the equations, as where stiff
 _COMPARED = 15  # steps of DOP853 that tell how long those of a series should be
 _SERIES_WORK, _SERIES_WORK_AT = 1.2e5, 1e-4  # steps times rows up to which a series is faster than BDF at a tolerance
@@ -134,7 +133,7 @@ def _begin(way: Way) -> Going:
     system, first, spent = way.problem.system, TRIAL, way.spent
     if way.problem.pieces is None and _pays(system, spent):
         spent.series = True
-        if system.n <= _LOOKED_AT:
+        if system.n <= LOOKED_AT:
             outcome = yield from way.go(Leg("taylor", most=TRIAL, overrun=OVERRUN))
             if outcome.status not in _GIVEN_UP:
                 return outcome
@@ -150,7 +149,7 @@ def _pays(system: System, spent: PlanCost) -> bool:
 
 def begins_along_series(system: System, spent: PlanCost) -> bool:
     """Return whether `TRIAL` steps of a segment are made along a Taylor series, where it is one piece."""
-    return system.n <= _LOOKED_AT and _pays(system, spent)
+    return system.n <= LOOKED_AT and _pays(system, spent)
 
 
 def _long_way(way: Way) -> Generator[Leg, None, tuple[Outcome, str, float]]:
