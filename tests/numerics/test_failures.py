@@ -318,6 +318,7 @@ def test_a_run_that_is_interrupted_outside_of_the_integration_keeps_what_it_has(
             raise KeyboardInterrupt
         return work(*arguments)
 
+    monkeypatch.setattr(_Run, "_through_segments", lambda run, x: (x, False))  # which takes what C has made as a whole
     monkeypatch.setattr(*place, interrupted)
     with pytest.raises(RunInterrupted, match="it was interrupted") as stopped:
         scene.simulate(stop=100, points=100_001)
@@ -341,7 +342,7 @@ def test_an_interruption_between_a_step_and_the_search_for_its_roots(solver, mon
             raise KeyboardInterrupt
         return found
 
-    monkeypatch.setattr(_Run, "_through_laws", lambda run, x: (x, False))  # which looks for roots in C
+    monkeypatch.setattr(_Run, "_through_segments", lambda run, x: (x, False))  # which looks for roots in C
     monkeypatch.setattr(RootFinder, "first", interrupted)
     with pytest.raises(RunInterrupted) as stopped:
         ball.simulate(stop=3.0, solver=solver, points=301)

@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from lmoc.engine.book import Accounts, Book
 from lmoc.engine.instant import Instant
-from lmoc.engine.library import library
+from lmoc.engine.library import address, library
 
 WHEN, TIME, TERMINAL, START = range(4)  # what an event is called
 TOO_LOW, TOO_OFTEN, OVER = 16, 17, -2  # what an instant comes to beside what `instant` says
@@ -38,7 +39,7 @@ class _Events(ctypes.Structure):
     _fields_ = [
         *[(name, _PLACE) for name in ("e", "h")],
         *[(name, ctypes.c_int64) for name in ("initial", "terminal")],
-        *[(name, _PLACE) for name in ("next", "begun", "held", "which", "turn", "at")],
+        *[(name, _PLACE) for name in ("next", "begun", "held", "which", "turn", "at", "folds")],
         *[(name, ctypes.c_int64) for name in ("kind", "jumped", "culprit")],
         *[(name, _PLACE) for name in ("owner", "happened", "states", "equations", "fold")],
     ]
@@ -51,14 +52,15 @@ class EventWalk:
     ----------
     times : (zeros, k) s, when each has crossed zero, the last time last; -infinity before
     data : the latest event: its ``kind``, whether it has ``jumped``, which function is the ``culprit``
-    begun, held : states and discrete values before it
     which, turn : (zeros,) functions that cross zero, 2: upwards; and that turn back, or are to blame
+    folds : (zeros,) that cross it again where they have just done so
+    book : what is written down of events
     """
 
-    begun: np.ndarray
-    held: np.ndarray
     turn: np.ndarray
+    folds: np.ndarray
     data: _Events
+    book: Book
 
     def __init__(self, zeros: int, begin: float, end: float) -> None:
         self.times, self._home, self._next = np.full((zeros, _CHATTER), -np.inf), np.full(zeros, -np.inf), np.zeros(1)
@@ -66,36 +68,56 @@ class EventWalk:
         self._hops = _Hops(self.times.ctypes.data, self._home.ctypes.data, None, begin, end - begin, 0.0, np.inf)
         self.next = np.inf
 
-    def bind(self, instant: Instant, flags: tuple[int, int], motion: Motion, happened: Answer, fold: Answer) -> None:
+    def bind(
+        self,
+        instant: Instant,
+        flags: tuple[int, int],
+        motion: Motion | None,
+        fold: Answer,
+        accounts: Accounts,
+        step: Answer | None,
+    ) -> None:
         """Go on with an instant.
 
         Parameters
         ----------
         flags : places of ``initial()`` and ``terminal()``, -1 for none
-        happened : books an event and tells of it; may move the states
-        fold : takes values of relations that cross zero again, where there are any; asked where `folds` is set
+        motion : None where the instant has a view of it
+        fold : takes values of relations that cross zero again, where there are any
+        step : does to states what a step of discrete values does, where that may be something
         """
         states, zeros, discrete = instant.data.states, len(self._home), instant.data.discrete
-        self.begun, self.held, work = np.zeros(states), np.zeros(discrete), np.empty(4 * states + 9 * zeros)
-        self.turn, at = np.zeros((2, zeros))
-        hooks = _MOTION(instant.answering(motion, (states, zeros))), instant.hook(happened), instant.hook(fold)
-        own, self._fold = (ctypes.cast(h, _PLACE).value for h in hooks[:2]), ctypes.cast(hooks[2], _PLACE).value
-        self._hops.motion, told = own
+        begun, held, work = np.zeros(states), np.zeros(discrete), np.empty(4 * states + 9 * zeros)
+        self.turn, self.folds, at = np.zeros((3, zeros))
+        hooks = [instant.hook(fold), *([] if step is None else [instant.hook(step)])]
+        hooks += [] if motion is None else [_MOTION(instant.answering(motion, (states, zeros)))]
+        folds, *others = (ctypes.cast(h, _PLACE).value for h in hooks)
+        self._hops.motion = address("lmoc_look_along") if motion is None else others[-1]
         self._hops.work = work.ctypes.data
-        arrays = (self._next, self.begun, self.held, self.which, self.turn, at)
+        arrays = (self._next, begun, held, self.which, self.turn, at, self.folds)
         self.data = _Events(
             ctypes.addressof(instant.data), ctypes.addressof(self._hops), *flags, *(a.ctypes.data for a in arrays),
-            happened=told,
+            fold=folds,
         )  # fmt: skip
-        self._instant, self._reference, self._kept = instant, ctypes.byref(self.data), (hooks, work, at)
+        turned = self.book.data.turned if hasattr(self, "book") else self._hops.begin
+        self.book = Book(ctypes.addressof(self.data), accounts, None if step is None else others[0], turned)
+        self.data.happened, self.data.owner = self.book.writes, ctypes.addressof(self.book.data)
+        self._instant, self._reference, self._kept = instant, ctypes.byref(self.data), (hooks, work, at, begun, held)
 
-    def memory(self) -> tuple[np.ndarray, np.ndarray, float, float]:
+    @property
+    def in_c(self) -> tuple[tuple[int, int], ...]:
+        """Return what it knows, for who goes on in C: addresses, and how many numbers."""
+        own, book = self._hops, self.book.data
+        scalars = [_at(own, "soon"), _at(book, "turned")]
+        return *((a.ctypes.data, a.size) for a in (self.times, self._home, self._next)), *((s, 1) for s in scalars)
+
+    def memory(self) -> tuple[np.ndarray, np.ndarray, float, float, float]:
         """Return what it knows, for `recall`."""
-        return self.times.copy(), self._home.copy(), self.soon, self.next
+        return self.times.copy(), self._home.copy(), self.soon, self.next, self.book.data.turned
 
-    def recall(self, memory: tuple[np.ndarray, np.ndarray, float, float]) -> None:
+    def recall(self, memory: tuple[np.ndarray, np.ndarray, float, float, float]) -> None:
         """Know what it has known."""
-        self.times[:], self._home[:], self._hops.soon, self.next = memory
+        self.times[:], self._home[:], self._hops.soon, self.next, self.book.data.turned = memory
 
     @property
     def next(self) -> float:
@@ -140,16 +162,22 @@ class EventWalk:
         self.data.states, self.data.equations = (ctypes.cast(h, _PLACE).value for h in hooks)
         return int(self._instant.judged(library().lmoc_events_start(self._reference, t, x.ctypes.data, 0)))
 
-    def after(self, t: float, x: np.ndarray, crossed: bool, step: float = 0.0, folds: bool = False) -> int:
+    def after(self, t: float, x: np.ndarray, crossed: bool, step: float = 0.0) -> int:
         """Do what happens where a segment has ended, because functions have crossed zero or not; x moves on.
 
         Parameters
         ----------
         step : s, the last step of the method, over which the motion is smooth
         """
-        self._hops.step, self.data.fold = step, self._fold if folds else None
+        self._hops.step = step
         return int(self._instant.judged(library().lmoc_events_after(self._reference, t, x.ctypes.data, crossed)))
 
     def settle(self, t: float, x: np.ndarray) -> int:
         """Do what follows from a change of the continuous equations; x moves on."""
         return int(self._instant.judged(library().lmoc_events_settle(self._reference, t, x.ctypes.data)))
+
+
+def _at(own: ctypes.Structure, name: str) -> int:
+    """Return where a field stands."""
+    offset: int = getattr(type(own), name).offset
+    return ctypes.addressof(own) + offset

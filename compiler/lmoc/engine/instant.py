@@ -33,15 +33,24 @@ _NUMBERS = {
     "way": "states", "known": "bounded", "supposed": "relations", "early": "relations", "changed": "discrete",
     "flipped": "discrete", "moved": "states",
 }  # fmt: skip
+_SCALARS = ("time", "bound_time", "bound_size", "bound_known")
 _HOOKS = ("look", "widen", "bounds", "others", "regular")
+
+
+class _Looking(ctypes.Structure):
+    """``lmoc_looking``."""
+
+    _fields_ = [
+        ("w", ctypes.c_void_p), ("tape", ctypes.c_void_p), ("blocks", ctypes.c_int64), ("block", ctypes.c_void_p)
+    ]  # fmt: skip
 
 
 class _View(ctypes.Structure):
     """``lmoc_view``."""
 
     _fields_ = [
-        ("w", ctypes.c_void_p), ("tape", ctypes.c_void_p), ("blocks", ctypes.c_int64), ("seen", ctypes.c_int64),
-        *[(name, ctypes.c_void_p) for name in ("block", "states", "given", "zero", "from_", "to")],
+        ("at", _Looking), ("along", _Looking), ("seen", ctypes.c_int64),
+        *[(name, ctypes.c_void_p) for name in ("states", "given", "zero", "rates", "from_", "to")],
     ]  # fmt: skip
 
 
@@ -95,6 +104,7 @@ class Instant:
         numbers = {name: np.zeros(counts[size]) for name, size in _NUMBERS.items()}
         for name, array in numbers.items():
             setattr(self, name, array)
+        self._numbers = numbers
         self.v, self._line = assign.w, lines.w
         self.history = np.empty((_HISTORY, counts["discrete"]))
         self._near, self._found = np.zeros(counts["zeros"], np.uint8), np.zeros(counts["told"], np.int64)
@@ -121,15 +131,21 @@ class Instant:
         """Take other values of parameters."""
         self.v[places] = self._line[places] = values
 
-    def view(self, tape: Tape, states: np.ndarray, given: np.ndarray, zero: np.ndarray, seen: np.ndarray) -> Kernel:
-        """Look by a program: registers of states, of discrete values and zero functions; (2, k) of what is seen."""
-        kernel = Kernel(tape)
-        tables = [np.ascontiguousarray(t, np.int32) for t in (states, given, zero, *seen)]
-        blocks = len(kernel.tape.blocks), ctypes.addressof(kernel.blocks)
-        own = _View(*kernel.addresses, blocks[0], seen.shape[1], blocks[1], *(t.ctypes.data for t in tables))
-        self._kept += [kernel, tables, own]
+    def view(self, tape: Tape, registers: tuple[np.ndarray, ...], seen: np.ndarray, along: Tape | None) -> list[Kernel]:
+        """Look by programs at a place, and at the motion where there is one for that; they are returned.
+
+        Parameters
+        ----------
+        registers : of states, of discrete values, zero functions, and rates of the states
+        seen : (2, k) registers of what is seen, and its places
+        """
+        kernels = [Kernel(one) for one in (tape, along) if one is not None]
+        tables = [np.ascontiguousarray(t, np.int32) for t in (*registers, *seen)]
+        looking = [_Looking(*k.addresses, len(k.tape.blocks), ctypes.addressof(k.blocks)) for k in kernels]
+        own = _View(looking[0], looking[-1], seen.shape[1], *(t.ctypes.data for t in tables))
+        self._kept += [kernels, tables, own]
         self.data.owner, self.data.look = ctypes.addressof(own), address("lmoc_look_at")
-        return kernel
+        return kernels
 
     def ask(self, name: str, hook: Callable[[float, np.ndarray], bool]) -> None:
         """Have a function of time and states answer; whether it has one."""
@@ -144,6 +160,13 @@ class Instant:
             return self.answer(lambda: hook(time, _array(x, states)))
 
         return _HOOK(call)
+
+    def memory(self, *names: str) -> list[tuple[int, int]]:
+        """Return where numbers of the ``lmoc_instant`` stand, and how many they are."""
+        found = [self._numbers[name] if name != "v" else self.v for name in names if name not in _SCALARS]
+        return [(a.ctypes.data, a.size) for a in found] + [
+            (ctypes.addressof(self.data) + getattr(_Instant, name).offset, 1) for name in names if name in _SCALARS
+        ]
 
     def read_by(self, changed: np.ndarray) -> np.ndarray:
         """Return the zero functions of relations in the discrete equations of what has changed, (discrete,)."""
@@ -226,11 +249,6 @@ class Instant:
         if self._failed is not None:
             raised, self._failed = self._failed, None
             raise raised
-        return found
-
-    def told(self) -> list[int]:
-        """Return what is to be told of the last event, in order."""
-        found: list[int] = self._found[: self.data.found_count].tolist()
         return found
 
 

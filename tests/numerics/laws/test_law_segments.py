@@ -38,7 +38,7 @@ def bits(run: lmoc.Run) -> tuple[object, ...]:
 )
 def test_bits_are_those_of_segments_one_by_one(name, options, monkeypatch):
     dae = lmoc.compile(MODELS / f"{name}.lmo")
-    passed, along = [], segments._Run._through_laws
+    passed, along = [], segments._Run._through_segments
 
     def through(run, x):
         before = len(run.segments)
@@ -46,8 +46,8 @@ def test_bits_are_those_of_segments_one_by_one(name, options, monkeypatch):
         passed.append(len(run.segments) - before)
         return found
 
-    monkeypatch.setattr(segments._Run, "_through_laws", through)
+    monkeypatch.setattr(segments._Run, "_through_segments", through)
     together = bits(dae.simulate(**options))
     assert sum(passed) >= 1 and sum(passed) >= len(together[0]) - 3  # C has gone through nearly all of them
-    monkeypatch.setattr(segments._Run, "_through_laws", lambda run, x: (x, False))
+    monkeypatch.setattr(segments._Run, "_through_segments", lambda run, x: (x, False))
     assert bits(dae.simulate(**options)) == together

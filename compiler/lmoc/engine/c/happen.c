@@ -11,8 +11,19 @@ static void hold(lmoc_events *v) {
 
 /* ------------------------------------------------------------------ one event */
 
+/* Whether functions cross zero again at the instant of their last crossing. */
+static int again(const lmoc_events *v, double time) {
+  int some = 0;
+  for (int64_t k = 0; k < v->e->zeros && v->fold; k++) {
+    const double last = v->h->times[k*LMOC_CHATTER + LMOC_CHATTER - 2];
+    v->folds[k] = v->which[k] != 0 && time - last <= lmoc_located(time, v->h->begin);
+    some |= v->folds[k] != 0;
+  }
+  return some;
+}
+
 static int cross_over(lmoc_events *v, double time, double *x) {
-  const int found = v->fold ? v->fold(v, time, x) : LMOC_UNSETTLED;
+  const int found = again(v, time) ? v->fold(v, time, x) : LMOC_UNSETTLED;
   if (found != LMOC_UNSETTLED) return found;
   lmoc_turn_early(v->e, v->which);
   return LMOC_SETTLED;

@@ -17,6 +17,7 @@ typedef struct lmoc_events {
   double *next;                     /* s, of the next time event */
   double *begun, *held;             /* (states,), (discrete,) before the latest event */
   double *which, *turn, *at;        /* (zeros,) that cross zero, 2: upwards; that turn back; what they are before that */
+  double *folds;                    /* (zeros,) that cross it again where they have just done so; or 0, as `fold` */
   int64_t kind, jumped, culprit;    /* of that event; whether it has moved the states; which function is to blame */
   void *owner;
   int (*happened)(struct lmoc_events *v, double time, double *x);  /* book and tell; where x moves on, `jumped` is to say so */

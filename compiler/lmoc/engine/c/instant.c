@@ -18,11 +18,12 @@ int lmoc_take(lmoc_instant *e, double time, const double *x) {
   return e->zeros ? e->widen(e, time, x) : LMOC_SETTLED;
 }
 
-int lmoc_look_at(lmoc_instant *e, double time, const double *x) {
-  const lmoc_view *s = e->owner;
+/* Run a program at a place with the present discrete values. */
+static void run_at(const lmoc_instant *e, const lmoc_looking *s, double time, const double *x) {
+  const lmoc_view *own = e->owner;
   int changed = 0;
   for (int64_t i = 0; i < e->discrete; i++) {
-    double *to = s->w + s->given[i];
+    double *to = s->w + own->given[i];
     changed |= lmoc_differ(*to, e->v[e->own[i]]);
     *to = e->v[e->own[i]];
   }
@@ -30,10 +31,23 @@ int lmoc_look_at(lmoc_instant *e, double time, const double *x) {
     s->block[i].ready = 0;
     if (s->block[i].lu) lmoc_lu_forget(s->block[i].lu);
   }
-  for (int64_t i = 0; i < e->states; i++) s->w[s->states[i]] = x[i];
+  for (int64_t i = 0; i < e->states; i++) s->w[own->states[i]] = x[i];
   lmoc_tape_run(time, s->w, s->tape);
-  for (int64_t k = 0; k < e->zeros; k++) e->zero[k] = s->w[s->zero[k]];
-  for (int64_t i = 0; i < s->seen; i++) e->v[s->to[i]] = s->w[s->from[i]];
+}
+
+int lmoc_look_at(lmoc_instant *e, double time, const double *x) {
+  const lmoc_view *s = e->owner;
+  run_at(e, &s->at, time, x);
+  for (int64_t k = 0; k < e->zeros; k++) e->zero[k] = s->at.w[s->zero[k]];
+  for (int64_t i = 0; i < s->seen; i++) e->v[s->to[i]] = s->at.w[s->from[i]];
+  return LMOC_SETTLED;
+}
+
+int lmoc_look_along(lmoc_instant *e, double time, const double *x, double *rates, double *zeros) {
+  const lmoc_view *s = e->owner;
+  run_at(e, &s->along, time, x);
+  for (int64_t i = 0; i < e->states; i++) rates[i] = s->along.w[s->rates[i]];
+  for (int64_t k = 0; k < e->zeros; k++) zeros[k] = s->along.w[s->zero[k]];
   return LMOC_SETTLED;
 }
 

@@ -52,6 +52,8 @@ typedef struct lmoc_instant {
 } lmoc_instant;
 
 static inline double lmoc_near_to(double t) { return 4e-15 * fmax(fabs(t), 1e-300); }
+/* By what the place of a root may be wrong: some units of the time's last digit, and of a sum of steps. */
+static inline double lmoc_located(double t, double start) { return 1e-14 * fmax(fabs(t), fabs(start)) + 1e-12 * (t - start); }
 static inline int lmoc_differ(double a, double b) { return a != b && !(a != a && b != b); }
 
 /* Relations and their zero functions (`relations.c`). */
@@ -93,16 +95,25 @@ int64_t lmoc_zeros_read(const lmoc_instant *e, const double *changed, int64_t *z
    one that does not flip may be what keeps the others from agreeing. */
 int lmoc_try_relations(lmoc_instant *e, double time, const double *x);
 
-/* What `look` does where no block is nonlinear: discrete values into the registers of a program, values out of them. */
+/* A program that looks at a place, with the discrete values in registers of it. */
 typedef struct {
   double *w;
   const lmoc_tape *tape;
-  int64_t blocks, seen;
+  int64_t blocks;
   lmoc_block *block;
+} lmoc_looking;
+
+/* What `look` does where no block is nonlinear: discrete values into the registers of a program, values out of them. And
+   the same for the motion. */
+typedef struct {
+  lmoc_looking at, along;
+  int64_t seen;
   const int32_t *states, *given, *zero;    /* registers of states, discrete values, zero functions, … */
-  const int32_t *from, *to;                /* (seen,) … what is seen; its places */
+  const int32_t *rates, *from, *to;        /* … of the states' rates; (seen,) … what is seen; its places */
 } lmoc_view;
 
-int lmoc_look_at(lmoc_instant *e, double time, const double *x);    /* the owner is a view */
+/* The owner is a view. */
+int lmoc_look_at(lmoc_instant *e, double time, const double *x);
+int lmoc_look_along(lmoc_instant *e, double time, const double *x, double *rates, double *zeros);
 
 #endif

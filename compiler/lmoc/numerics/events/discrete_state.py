@@ -18,7 +18,7 @@ from lmoc.expression.dag import Expr
 from lmoc.expression.evaluate import evaluate
 from lmoc.ir.flat import Kind
 from lmoc.numerics.evaluate.function import watched
-from lmoc.numerics.events.happened import Happened, NotAState
+from lmoc.numerics.events.happened import NotAState
 from lmoc.numerics.events.layout import EventLayout, initial_values
 from lmoc.numerics.events.stiff_states import at_once, going_back
 from lmoc.numerics.events.tables import PlanTables
@@ -30,6 +30,7 @@ from lmoc.numerics.signals.signals import Signal
 
 _FORGIVEN = 1e-10  # of the largest state: what states may be off by without being asked whether they forget it
 _ASKED = 64  # states that are asked at once
+_OF_BOUNDS = ("bound", "way", "known", "bound_time", "bound_size", "bound_known")
 _REMEMBERED = ("v", "zero", "margin", "largest", "high", "crossed", "early")
 
 
@@ -74,12 +75,15 @@ class DiscreteState:
         self._moving: bytes | None = None  # what `motion` has been made ready for
         self._bind_zeros = layout.zeros.binder()
         self._view: Kernel | None = None
+        self._along: Kernel | None = None
         if layout.view is None:
             self._bind_values = layout.values.binder()
             e.ask("look", self._look)
         else:
             zeros, seen = plan.count + np.arange(layout.zero_count), plan.reduced.register_of[layout.seen]
-            self._view = e.view(layout.view, plan.states, layout.registers, zeros, np.stack([seen, layout.seen]))
+            registers = plan.states, layout.registers, zeros, plan.derivatives
+            own = e.view(layout.view, registers, np.stack([seen, layout.seen]), layout.moving)
+            self._view, self._along = own[0], None if layout.moving is None else own[1]
         e.ask("bounds", self._find_bounds)
         if layout.switching:
             e.ask("regular", lambda t, x: prefer_regular(self, t, x))
@@ -97,6 +101,15 @@ class DiscreteState:
     def memory(self) -> dict[str, np.ndarray]:
         """Return what decides about the next instant, for `recall`."""
         return {name: getattr(self.instant, name).copy() for name in _REMEMBERED}
+
+    @property
+    def in_c(self) -> list[tuple[int, int]]:
+        """Return what decides about the next instant, for who goes on in C: addresses, and how many numbers."""
+        return self.instant.memory(*_REMEMBERED, *_OF_BOUNDS, "time")
+
+    def forget(self) -> None:
+        """What C has gone through without this stands in other registers."""
+        self._pushed = self._moving = None
 
     def recall(self, memory: Mapping[str, np.ndarray], values: np.ndarray, change: np.ndarray) -> None:
         """Be as it was before an instant, with other values.
@@ -188,6 +201,11 @@ class DiscreteState:
         view.w[plan.states] = x
         view(t)
         return float(view.w[plan.reduced.register_of[variable]])
+
+    @property
+    def zeros_in_c(self) -> object:
+        """The same as a function of a tape, if it is one."""
+        return self._zeros
 
     def zeros(self, times: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Return (times, zeros) the zero functions at other places, for the values that have been pushed."""
@@ -314,16 +332,9 @@ class DiscreteState:
         self.push()
         self.inputs(t)
         self._moving = None  # slices are shared
-
-    def happened(self) -> Happened:
-        """Return what is to be told of the latest event."""
-        told = [self._own.told(k) for k in self.instant.told()]
-        whens, ended, broken = ([own for kind, own in told if kind == one] for one in range(3))
-        first = {number: row for number, row in reversed(broken)}
-        return Happened(
-            tuple(whens), tuple(k for k, _ in ended),
-            tuple((k, first[k]) for k in dict.fromkeys(number for number, _ in broken)),
-        )  # fmt: skip
+        if self._along is not None:
+            self._along.w[: len(self.base)] = self.base
+            self._along.forget()
 
     def unsettled(self) -> np.ndarray:
         """Return variables that keep changing, where no values satisfy all equations."""
@@ -356,6 +367,11 @@ class DiscreteState:
         return float(self.instant.call("lmoc_next_time", t, include))
 
     # ---------------------------------------------------------------------------- roots
+
+    @property
+    def moves_in_c(self) -> bool:
+        """Return whether C looks at `motion` by itself."""
+        return self._along is not None
 
     def motion(self, t: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the rates of the states and the zero functions, with the present discrete values."""

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lmoc.engine.event_walk import OVER, START, TERMINAL, TIME, TOO_LOW, TOO_OFTEN, WHEN, EventWalk
+from lmoc.engine.book import Accounts
+from lmoc.engine.event_walk import OVER, START, TOO_LOW, TOO_OFTEN, EventWalk
 from lmoc.engine.instant import SETTLED
-from lmoc.expression.dag import slots
-from lmoc.ir.events import Events
+from lmoc.engine.segments import Events
+from lmoc.ir.events import Events as EventsOfModel
 from lmoc.ir.flat import Kind
-from lmoc.messages.diagnostics import Report, Subject
+from lmoc.messages.diagnostics import Report
 from lmoc.numerics.events.chatter import too_low, too_often, where
-from lmoc.numerics.events.closeness import located, near_to
+from lmoc.numerics.events.closeness import near_to
 from lmoc.numerics.events.discrete_state import DiscreteState
-from lmoc.numerics.events.happened import Happened, NotAState
+from lmoc.numerics.events.happened import NotAState
 from lmoc.numerics.events.layout import EventLayout
-from lmoc.numerics.events.steps import moving_relations
+from lmoc.numerics.events.steps import Steps, moving_relations
 from lmoc.numerics.events.stiff_states import noise
+from lmoc.numerics.events.tables import PlanTables
+from lmoc.numerics.events.telling import Teller, told_variables
 from lmoc.numerics.events.trials import leave_fold
 from lmoc.numerics.observe.event import Event
 from lmoc.numerics.observe.trajectory import End
@@ -34,15 +38,14 @@ if TYPE_CHECKING:
 
 _PHASE = 200.0  # rad, that a sine in a condition goes on in a step at most
 _LOOKS = 120  # steps at least in a run with relations of time that are not linear in it
-_SHORTLY = 1e-3  # of the run, within which a function that crosses zero again may not have left it
-_KINDS = {WHEN: "when", START: "when", TIME: "time", TERMINAL: "terminal"}
+SHORTLY = 1e-3  # of the run, within which a function that crosses zero again may not have left it
 
 Step = Callable[[float, np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # as `stepping.Stepping`
-HandlerMemory = tuple[EventLayout, dict[str, np.ndarray], tuple[np.ndarray, np.ndarray, float, float], float]
+HandlerMemory = tuple[EventLayout, dict[str, np.ndarray], tuple[np.ndarray, np.ndarray, float, float, float]]
 Starter = Callable[[np.ndarray], np.ndarray]  # (registers that do not change) -> states at the start
 
 
-def held(events: Events) -> dict[int, Signal]:
+def held(events: EventsOfModel) -> dict[int, Signal]:
     """Return the discrete variables as inputs that stay as they are between events."""
     return {int(v): Constant(0.0) for v in events.discrete}
 
@@ -69,21 +72,38 @@ class EventHandler:
         span: tuple[float, float],
         report: Report,
         step: Step,
+        has_laws: bool,
     ) -> None:
-        self.step = step
+        """
+        Parameters
+        ----------
+        has_laws : steps are passed on by laws
+        """
+        self.step, self.step_is_of_laws = step, has_laws
         self.layout = plan.once(EventLayout)
         self.discrete = DiscreteState(self.layout, values, base, signals, span[0])
         self.begin, self.end = span
         self.report = report
         self.records: list[Event] = []
         self._walk = EventWalk(self.layout.zero_count, *span)
-        self._turned = span[0]  # s, of the latest event that has changed the motion
         self._bind()
 
     def _bind(self) -> None:
         """Go on with the memory of the discrete values."""
-        flags = self.layout.events.initial, self.layout.events.terminal
-        self._walk.bind(self.discrete.instant, flags, self.discrete.motion, self._happened, self._fold)
+        discrete, plan, events = self.discrete, self.layout.plan, self.layout.events
+        motion = None if discrete.moves_in_c else discrete.motion
+        steps = self.step_is_of_laws or bool(plan.once(Steps))
+        flags = events.initial, events.terminal
+        step = self._stepped if steps else None
+        self._walk.bind(discrete.instant, flags, motion, self._fold, self._accounts(), step)
+        self._teller = Teller(self.layout, self.report)
+
+    def _accounts(self) -> Accounts:
+        layout, plan, own = self.layout, self.layout.plan, self.layout.events.discrete
+        stored = layout.flat.find("ledger.stored")
+        seen = stored is not None and stored[0] in layout.seen
+        told, decides = (np.searchsorted(own, which) for which in (plan.once(told_variables), layout.rounded_by))
+        return Accounts(int(stored[0]) if seen else -1, *plan.accounts, told, decides, plan.once(PlanTables).stops)
 
     def adopt(self, plan: Plan, base: np.ndarray, t: float, x: np.ndarray) -> None:
         """Go on in other coordinates of the same model; parameters as of `HybridDynamics.adopt`."""
@@ -95,7 +115,7 @@ class EventHandler:
 
     def memory(self) -> HandlerMemory:
         """Return what decides about the next instant, for `recall`."""
-        return self.layout, self.discrete.memory(), self._walk.memory(), self._turned
+        return self.layout, self.discrete.memory(), self._walk.memory()
 
     def recall(
         self, memory: HandlerMemory, values: np.ndarray, base: np.ndarray, change: np.ndarray, since: float
@@ -109,7 +129,7 @@ class EventHandler:
         change : (discrete,) what is added to the discrete values
         since : s, a time between this instant and the one before it
         """
-        layout, discrete, walk, self._turned = memory
+        layout, discrete, walk = memory
         if layout is not self.layout:
             self.layout = layout
             self.discrete.adopt(layout, base)
@@ -234,7 +254,7 @@ class EventHandler:
         ------
         Stopped
         """
-        t, walk, x, folds = outcome.time, self._walk, outcome.x.copy(), False
+        t, walk, x = outcome.time, self._walk, outcome.x.copy()
         is_root = outcome.status is Status.ROOT
         if is_root:
             crossed, upwards = self._crossed(outcome.roots)
@@ -246,14 +266,12 @@ class EventHandler:
         if is_root:
             walk.which[:] = 0.0
             walk.which[crossed] = np.where(upwards, 2.0, 1.0)
-            self._returning = crossed[t - walk.times[crossed, -1] <= located(t, self.begin)]
-            folds = bool(len(self._returning))
-        found = self._asked(t, lambda: walk.after(t, x, is_root, outcome.step, folds))
+        found = self._asked(t, lambda: walk.after(t, x, is_root, outcome.step))
         return None if found == OVER else x
 
     def _comes_again(self, t: float, crossed: np.ndarray) -> bool:
         """Return whether one of these functions has crossed zero just before, and the motion is the same since."""
-        times, since = self._walk.times, max(self._turned, t - _SHORTLY * (self.end - self.begin))
+        times, since = self._walk.times, max(self._walk.book.data.turned, t - SHORTLY * (self.end - self.begin))
         return any(times[k, -1] > since for k in crossed.tolist())
 
     def _left_zero(self, t: float, x: np.ndarray, crossed: np.ndarray, errors: np.ndarray) -> np.ndarray:
@@ -272,7 +290,7 @@ class EventHandler:
 
     def _fold(self, t: float, x: np.ndarray) -> bool:
         """Take other values of relations that cross zero again at an instant, if there are any."""
-        return leave_fold(self.discrete, t, x, self._returning)
+        return leave_fold(self.discrete, t, x, np.flatnonzero(self._walk.folds))
 
     def _crossed(self, roots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the zero functions whose root functions vanish, and of rounded ones whether at their upper edge."""
@@ -280,6 +298,33 @@ class EventHandler:
         upper[self.layout.rounded] = roots[self.layout.zero_count :]
         crossed = np.flatnonzero(lower | upper)
         return crossed, upper[crossed]
+
+    # ------------------------------------------------------------------------- in C from event to event
+
+    @property
+    def goes_on_in_c(self) -> bool:
+        """Return whether C may go from one event to the next: what happens there it knows, or asks for."""
+        steps = self.layout.looks_at_time and any(
+            (self.layout.flat.kind[table] == Kind.DISCRETE).any() for _, table in self.layout.rates_of_phase
+        )
+        return self.discrete.moves_in_c and not steps and not self._walk.book.data.step
+
+    @property
+    def in_c(self) -> Events:
+        """What goes from event to event in C reads."""
+        discrete, layout = self.discrete, self.layout
+        shortly = SHORTLY * (self.end - self.begin)
+        return Events(self._walk, layout.registers, discrete.in_c, discrete.instant.roots, shortly)
+
+    def pass_by(self, booked: np.ndarray) -> Iterator[list[Event]]:
+        """Tell of the events of instants that C has seen to, by how many numbers of the book are theirs."""
+        entries = deque(self._walk.book.taken())
+        self.discrete.forget()
+        for end in booked.tolist():
+            while entries and entries[0][0] <= end:
+                self._teller.tell(entries.popleft()[1], self.records)
+            yield self.records
+            self.records = []
 
     def instant(self, t: float, near: float) -> float:
         """Return the next time event where it is as near to a time as that, else the time."""
@@ -292,113 +337,37 @@ class EventHandler:
         return moved
 
     def _asked(self, t: float, call: Callable[[], int]) -> int:
-        """Have C carry out what happens; say by `Stopped` why nothing is known behind it."""
+        """Have C carry out what happens; tell of it, and say by `Stopped` why nothing is known behind it."""
         self.discrete.stand_at(t)
         self._base = self.discrete.base.copy()
         try:
             found = call()
         except NotAState as wrong:
             raise Stopped(Status.UNSETTLED, wrong.reason(self.layout)) from None
+        finally:
+            self.discrete.inputs(t)
+            for _, entry in self._walk.book.taken():
+                self._teller.tell(entry, self.records)
         if found in (SETTLED, OVER):
             return found
         if found == TOO_OFTEN:
             raise too_often(self._walk, self.layout, t)
         raise too_low(self._walk, self.layout) if found == TOO_LOW else self._unsettled(self.discrete.unsettled(), t)
 
-    def _happened(self, t: float, x: np.ndarray) -> bool:
-        """Book an event that C has carried out, and tell of it."""
-        discrete, walk, told = self.discrete, self._walk, self._told
+    def _stepped(self, t: float, x: np.ndarray) -> bool:
+        """Do to the states what steps of discrete values do; those at the start are none."""
+        discrete, walk, count = self.discrete, self._walk, self.layout.plan.count
         discrete.push()
-        before, self._base, held, lost = self._base, discrete.base.copy(), discrete.v[told].copy(), 0.0
-        if walk.data.kind != START:
-            held = walk.held[np.searchsorted(self.layout.events.discrete, told)]
-            lost = self._energy(t, x) if walk.data.jumped else 0.0
-            count = self.layout.plan.count  # behind them are zero functions, which are no part of the motion
-            given = x.copy()
-            behind = self.step(t, given, before[:count], discrete.base[:count])
-            if behind is not given:
-                x[:], walk.data.jumped = behind, 1
-        if walk.data.jumped or self._turns_the_motion():
-            self._turned = t
-        discrete.inputs(t)
-        self._warn_of_lost(t)
-        self._report(t, _KINDS[walk.data.kind], discrete.happened(), held, lost)
+        before, self._base = self._base, discrete.base.copy()
+        if walk.data.kind == START:
+            return True
+        given = x.copy()  # behind the registers of the plan are zero functions, which are no part of the motion
+        behind = self.step(t, given, before[:count], discrete.base[:count])
+        if behind is not given:
+            x[:], walk.data.jumped = behind, 1
         return True
 
-    def _turns_the_motion(self) -> bool:
-        """Return whether an event has changed what the equations of the motion read."""
-        layout = self.layout
-        return bool((self._walk.held[layout.rounded_places] != self.discrete.v[layout.rounded_by]).any())
-
-    def _energy(self, t: float, x: np.ndarray) -> float:
-        """Book what energy a jump to states has cost as heat, what it has brought as work; return the loss."""
-        layout, discrete = self.layout, self.discrete
-        work, heat = layout.plan.accounts
-        if work < 0:
-            return 0.0
-        stored = layout.flat.find("ledger.stored")[0]
-        if stored not in layout.seen:
-            return 0.0
-        before, after = (discrete.seen(t, one, stored) for one in (self._walk.begun, x))
-        lost = before - after
-        if np.isfinite(lost):
-            x[heat if lost > 0 else work] += abs(lost)
-            lost = max(lost, 0.0)
-        return lost
-
     # --------------------------------------------------------------------- what is reported
-
-    def _report(self, t: float, kind: str, happened: Happened, held: np.ndarray, lost: float) -> None:
-        """Record what has happened, warn of assertions, and stop where that is an end; `held` as of `_tell`."""
-        self._tell(t, kind, happened, held, lost)
-        self._judge(t, happened)
-        for k in happened.terminations:
-            raise Stopped(Status.OK, self.layout.events.terminations[k].message)
-
-    @property
-    def _told(self) -> np.ndarray:
-        """Discrete variables whose changes are recorded.
-
-        Relations that decide about continuous equations, and the model's own that are counted or true; these where no
-        `when` tells of the event.
-        """
-        return self.layout.plan.once(told_variables)
-
-    def _tell(self, t: float, kind: str, happened: Happened, held: np.ndarray, lost: float) -> None:
-        flat, events = self.layout.flat, self.layout.events
-        for k, row in happened.whens:
-            when = events.whens[k]
-            name = flat.parts[when.part].pattern or flat.name
-            text = when.text if len(when.active) == 1 else f"{when.text} [{row + 1}]"
-            self.records.append(Event(t, name, "when" if kind == "terminal" else kind, "", text, 0.0, lost))
-            lost = 0.0
-        now = self.discrete.v[self._told]
-        for k in np.flatnonzero(held != now).tolist():
-            variable, before, after = int(self._told[k]), held[k], now[k]
-            block = flat.block_at(variable)
-            if block.protected or not happened.whens:
-                values = (_shown(block.quantity, value) for value in (before, after))
-                kind = "relation" if block.protected else "change"
-                self.records.append(Event(t, flat.variable_name(variable), kind, *values))
-
-    def _judge(self, t: float, happened: Happened) -> None:
-        """Assertions that belong to events."""
-        for k, row in happened.broken:
-            check = self.layout.flat.checks[k]
-            message = self.layout.flat.message_of(check, row)
-            if check.error:
-                raise Stopped(Status.ASSERTION, f"an assertion does not hold: {where(message, check.span)}")
-            self.report.warning("W0551", f"{message} (t = {t:.6g} s)", check.span)
-
-    def _warn_of_lost(self, t: float) -> None:
-        """Warn of a discrete variable that has no finite value, once in a run."""
-        discrete = self.layout.events.discrete
-        lost = discrete[~np.isfinite(self.discrete.v[discrete])]
-        if not len(lost) or self.report.says(Subject.NOT_FINITE):
-            return
-        first, flat = int(lost[0]), self.layout.flat
-        message = f"{flat.variable_name(first)} has no finite value ({self.discrete.v[first]:g}) at t = {t:g} s"
-        self.report.warning("W0537", message, flat.block_at(first).span, subject=Subject.NOT_FINITE)
 
     def _unsettled(self, variables: np.ndarray, t: float) -> Stopped:
         flat = self.layout.flat
@@ -417,22 +386,3 @@ def longest_step(discrete: DiscreteState, span: float) -> float:
         return np.inf
     rates = [np.abs(discrete.values(*one)).max(initial=0.0) for one in layout.rates_of_phase]
     return min([span / _LOOKS, *(_PHASE / rate for rate in rates if rate > 0)])
-
-
-def told_variables(plan: Plan) -> np.ndarray:
-    flat = plan.reduced.flat
-    own = [b for b in flat.blocks if b.kind == Kind.DISCRETE and not b.protected and b.quantity != "Real"]
-    targets = [r.target for r in flat.events.relations]
-    used = np.zeros(flat.count, bool)
-    for group in flat.groups:
-        columns = sorted({leaf.value[0] for side in (group.left, group.right) for leaf in slots(side)})
-        used[group.slots[:, columns]] = True
-    every = np.concatenate([*targets, np.zeros(0, int)])
-    found = np.concatenate([every[used[every]], *(b.offset + np.arange(b.size) for b in own)]).astype(int)
-    return found[np.isin(found, flat.events.discrete)]
-
-
-def _shown(quantity: str, value: float) -> str:
-    if quantity == "Boolean":
-        return "true" if value else "false"
-    return f"{value + 0.0:g}"  # no negative zero

@@ -7,7 +7,7 @@ something that they depend on.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -35,8 +35,8 @@ from lmoc.numerics.problem.status import Status
 from lmoc.numerics.signals.signals import Constant, Signal
 
 if TYPE_CHECKING:
+    from lmoc.engine.segments import Past
     from lmoc.numerics.coordinates.change import RunState
-    from lmoc.numerics.laws.law_run import Told
     from lmoc.numerics.laws.time_stepping import TimeStepping
     from lmoc.numerics.problem.system import System
 
@@ -72,7 +72,9 @@ class HybridDynamics:
         self.stepping = Stepping(plan, base, signals, span, report)
         self.handler = None
         if reduced.flat.events is not None:
-            self.handler = EventHandler(plan, values, base, signals, span, report, self._step)
+            self.handler = EventHandler(
+                plan, values, base, signals, span, report, self._step, self.laws is not None
+            )
         self.records: list[Event] = []
         self._reached = span[0]  # s, of the latest instant
         self._law_roots = 0
@@ -300,10 +302,20 @@ class HybridDynamics:
 
     # ------------------------------------------------------------------- what happens
 
-    def pass_by(self, t: float, told: Told, mode: Mode) -> None:
-        """Take note of an instant of laws alone that C has seen to."""
+    def pass_by(self, past: Past) -> Iterator[tuple[Mode, np.ndarray] | None]:
+        """Take note of instants that C has seen to, one by one; yield the mode behind each, and the rounding there."""
+        if self.laws is None:
+            events = self.handler.pass_by(past.booked)
+            yield from (self._taken(float(t), own, None) for t, own in zip(past.ended, events, strict=True))
+            return
+        for t, (mode, rounding, told) in zip(past.ended, self.laws.run.kept(past.kept[1:]), strict=True):
+            yield self._taken(float(t), self.laws.pass_by(told, mode), (mode, rounding))
+        self.laws.run.forget_after(self._reached)
+
+    def _taken(self, t: float, records: list[Event], mode: tuple[Mode, np.ndarray] | None):
         self._reached = t
-        self.records += self.laws.pass_by(told, mode)
+        self.records += records
+        return mode
 
     @property
     def passed(self) -> float:

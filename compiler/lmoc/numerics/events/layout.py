@@ -100,8 +100,16 @@ class EventLayout:
     @cached_property
     def view(self) -> Tape | None:
         """The zero functions and what is seen; None where nonlinear blocks are followed."""
-        nonlinear = any(not step.linear for step in walk(self._looked) if isinstance(step, Solve))
-        return None if nonlinear else values_tape(self._looked, self.count)
+        return None if _is_nonlinear(self._looked) else values_tape(self._looked, self.count)
+
+    @cached_property
+    def moving(self) -> Tape | None:
+        """The rates of the states and the zero functions; None where nonlinear blocks are followed, or inputs."""
+        if len(self.plan.sampled):
+            return None
+        wanted = np.concatenate([self.plan.derivatives, self.plan.count + np.arange(self.zero_count)])
+        program = needed_steps(self._program, wanted, self.count)
+        return None if _is_nonlinear(program) else values_tape(program, self.count)
 
     @cached_property
     def given(self) -> np.ndarray:
@@ -241,6 +249,10 @@ class EventLayout:
         """The relation that a zero function belongs to."""
         row = int(self.relation_of_zero[zero])
         return self.events.relations[int(np.searchsorted(self.first, row, "right")) - 1]
+
+
+def _is_nonlinear(program: Program) -> bool:
+    return any(not step.linear for step in walk(program) if isinstance(step, Solve))
 
 
 def initial_values(flat: FlatDAE, values: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from lmoc.expression.dag import Expr, slot
 from lmoc.ir.flat import Kind
 from lmoc.ir.program import Apply, Program
 from lmoc.lower.blocks import values_tape
+from lmoc.numerics.events.happened import Happened
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.plan.plan import Plan
 from lmoc.support.records import dataclass
@@ -153,14 +155,28 @@ class PlanTables:
         told = [(0, k, Condition(slot(0), w.active[:, None], 1)) for k, w in enumerate(events.whens)]
         told += [(1, k, Condition(e.guard, e.slots, 1)) for k, e in enumerate(events.terminations)]
         told += [(2, k, Condition(c.condition, c.slots, 0)) for k, c in enumerate(checks) if c.at_events]
+        self._checks = checks
         self._kinds = [(kind, number) for kind, number, _ in told]
         self.tables = event_tables(layout, memory, [condition for _, _, condition in told])
         self.assign, self.lines = (values_tape(p, memory.size) for p in (self.tables.assign, self.tables.lines))
         self.reinit_targets = np.concatenate([np.zeros(0, int), *(r.target for r in events.reinits)])
 
-    def told(self, k: int) -> tuple[int, tuple[int, int]]:
-        """Return what is told of an event: 0 a branch of a `when`, 1 a termination, 2 a check, and (which, row)."""
-        first = self.tables.first_told
-        own = int(np.searchsorted(first, k, "right")) - 1
-        kind, number = self._kinds[own]
-        return kind, (number, k - int(first[own]))
+    @cached_property
+    def stops(self) -> np.ndarray:
+        """(conditions,) whether a run does not go on where one is met."""
+        ends = [kind == 1 or (kind == 2 and self._checks[number].error) for kind, number in self._kinds]
+        return np.repeat(np.array(ends, bool), np.diff(self.tables.first_told))
+
+    def happened(self, conditions: Sequence[int]) -> Happened:
+        """Return what is to be told of an event where some conditions have been met, in that order."""
+        first, whens, ended, broken = self.tables.first_told, [], [], dict[int, int]()
+        for k in conditions:
+            own = int(np.searchsorted(first, k, "right")) - 1
+            (kind, number), row = self._kinds[own], k - int(first[own])
+            if kind == 0:
+                whens.append((number, row))
+            elif kind == 1:
+                ended.append(number)
+            else:
+                broken.setdefault(number, row)
+        return Happened(tuple(whens), tuple(ended), tuple(broken.items()))

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.events.occasion import Occasion
     from lmoc.numerics.failures.assertions import Assertions
     from lmoc.numerics.run.changes import Changes, Continuation
-    from lmoc.numerics.run.law_segments import ThroughLaws
+    from lmoc.numerics.run.segments_in_c import ThroughSegments
 
 ROUNDING = 5e-11  # of the size of the states: tolerances are no finer where constraints almost depend on each other
 FINER = 0.1  # factor on the tolerances of segments after a change of coordinates
@@ -113,7 +113,7 @@ class _Run:
         self.impacts: list[Event] = []  # of velocities that contradict each other at the start
         self.begun: tuple[np.ndarray, np.ndarray] | None = None  # states and base before the events of the start
         self.monitors = Monitors()
-        self._in_c: tuple[Plan, ThroughLaws | None] | None = None
+        self._in_c: tuple[Plan, ThroughSegments | None] | None = None
         self.assertions: Assertions | None = None  # among the monitors; None where none are watched
 
     def go(self, initial: Mapping[str, float] | End | RunState) -> Trajectory:
@@ -153,7 +153,7 @@ class _Run:
     def _segment_from(self, x: np.ndarray) -> Outcome:
         """Integrate the current segment; where it is interrupted outside of the integration, nothing of it is left."""
         try:
-            x, stopped = self._through_laws(x)
+            x, stopped = self._through_segments(x)
             if stopped:
                 raise KeyboardInterrupt
             return self._integrate(x, self.segment.begin)
@@ -162,20 +162,20 @@ class _Run:
             self.segment.recorder.forget_after(begin)
             return Outcome(begin, x, 0, interruption())
 
-    def _through_laws(self, x: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Go through segments that laws end, in C.
+    def _through_segments(self, x: np.ndarray) -> tuple[np.ndarray, bool]:
+        """Go through segments that laws or events end, in C.
 
         Returns
         -------
         the states where the segment begins that Python is to look at; whether somebody has interrupted it on the way
         """
         segment, now = self.segment, self.dynamics
-        if now is None or now.laws is None or self.assertions is not None:
+        if now is None or self.assertions is not None:
             return x, False
         if self._in_c is None or self._in_c[0] is not segment.plan:
-            from lmoc.numerics.run.law_segments import through_laws
+            from lmoc.numerics.run.segments_in_c import through_segments
 
-            self._in_c = segment.plan, through_laws(self.task, segment, self.solver, now, self.variables)
+            self._in_c = segment.plan, through_segments(self.task, segment, self.solver, now, self.variables)
         through = self._in_c[1]
         if through is None or segment.watch is not None or not self.solver.along_series(segment):
             return x, False

@@ -8,9 +8,9 @@ import numpy as np
 
 from lmoc.expression.dag import slot
 from lmoc.ir.program import Apply, Program, needed_steps
-from lmoc.numerics.events.event_handler import told_variables
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.tables import NONE, Condition, Memory, event_tables
+from lmoc.numerics.events.telling import told_variables
 from lmoc.numerics.observe.observer import Observer
 from lmoc.view.javascript.programs import InstantTables, Programs
 from lmoc.view.javascript.registers import VariableRegisters
