@@ -317,7 +317,7 @@ class FlatDAE:
     def read_beside(self) -> np.ndarray:
         """The parameters that starts, events and assertions along a run read, and those that are outputs."""
         checks = [c for c in self.checks if c not in self.constant_checks]
-        tables = [a.slots.ravel() for a in (*self.starts, *self.fixed, *checks)]
+        tables = [*(a.slots.ravel() for a in (*self.starts, *self.fixed)), *(c.slots.ravel() for c in checks)]
         outputs = self.per_variable(lambda b: b.output, bool)
         tables += [np.flatnonzero(outputs), *(() if self.events is None else (self.events.read, self.events.clocks()))]
         found = np.unique(np.concatenate(tables)).astype(int)

@@ -22,7 +22,7 @@ from lmoc.numerics.events.happened import NotAState
 from lmoc.numerics.events.layout import EventLayout, initial_values
 from lmoc.numerics.events.stiff_states import at_once, going_back
 from lmoc.numerics.events.tables import PlanTables
-from lmoc.numerics.events.trials import prefer_regular
+from lmoc.numerics.events.trials import Trial, prefer_regular, surely_off
 from lmoc.numerics.limits import ULP
 from lmoc.numerics.observe.one_state import moved as moved_to
 from lmoc.numerics.observe.one_state import places_under
@@ -59,6 +59,7 @@ class DiscreteState:
         self._parameters: np.ndarray | None = None  # where they stand, once asked for
         self._bounds: list[tuple[np.ndarray, np.ndarray]] = []  # that have been asked for at what is recalled
         self._asked = 0
+        self.trial: Trial | None = None  # that is being made
         self._bind(layout, base, initial_values(layout.flat, values))
         self.time, self.literal = time, True
         self.remember()
@@ -225,7 +226,7 @@ class DiscreteState:
         e, known = self.instant, self._recalled is not None and self._asked < len(self._bounds)
         if known:
             e.bound[:], e.way[:] = self._bounds[self._asked]
-        else:
+        elif self.trial is None or not surely_off(self, self.trial):
             self._find_new_bounds(t, x)
         if self._recalled is not None:
             self._asked += 1
