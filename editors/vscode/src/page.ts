@@ -1,4 +1,4 @@
-// What a panel shows.
+// What a panel shows, and where the command can be.
 
 export interface Answer {
   kind: "text" | "svg" | "html" | "error";
@@ -14,4 +14,9 @@ export function page(answer: Answer): string {
 
 export function escaped(text: string): string {
   return text.replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
+}
+
+export function environments(folders: string[]): string[] {
+  const names = [".venv", "venv", "env"].flatMap((name) => [`${name}/bin/lmoc`, `${name}/Scripts/lmoc.exe`]);
+  return folders.flatMap((folder) => names.map((name) => `${folder}/${name}`));
 }
