@@ -131,3 +131,25 @@ def test_a_newer_text_waits_for_a_check_that_is_short(monkeypatch):
         assert checker._process is process and process.is_alive()
     finally:
         checker.close()
+
+
+def test_a_second_file_does_not_wait_for_all_models_of_the_first():
+    last, ready = [], threading.Event()
+
+    def deliver(request, checked):
+        if not checked.left:
+            last.append((request.path, len(checked.findings)))
+            if len(last) == 2:
+                ready.set()
+
+    checker = Checker(deliver)
+    try:
+        many = "".join(f"model M{k}\n  Real x = y{k};\nend M{k};\n" for k in range(30))
+        checker.ask(Request("/nowhere/many.lmo", many, 0))
+        while checker._running is None:
+            pass
+        checker.ask(Request("/nowhere/one.lmo", "model M\n  Real x = y;\nend M;\n", 0))
+        assert ready.wait(120)
+        assert last == [("/nowhere/one.lmo", 1), ("/nowhere/many.lmo", 30)]
+    finally:
+        checker.close()

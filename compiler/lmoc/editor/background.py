@@ -1,9 +1,10 @@
 """Checks in a process of their own, so that typing is never slowed by them.
 
-One check runs at a time. A newer text of the same file takes the place of one that waits, and of one that runs, which
-is given up after the model that is being checked; a model that takes longer than its budget ends the process, and that
-is said beside what has been found until then. What a long check has found is delivered as it comes, with how many
-models are still to be checked.
+One check runs at a time, that of the newest text first. A newer text of the same file takes the place of one that
+waits, and of one that runs, which is given up after the model that is being checked; for a text of another file it is
+put off, and goes on behind that one with the models that are left. A model that takes longer than its budget ends the
+process, and that is said beside what has been found until then. What a long check has found is delivered as it comes,
+with how many models are still to be checked.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ class Checker:
         self._deliver, self._budget = deliver, budget
         self._waiting: dict[str, Request] = {}
         self._running: Request | None = None
+        self._overtaken = False  # another file was asked for since
         self._wake = threading.Condition()
         self._closed = False
         self._process: BaseProcess | None = None
@@ -62,6 +64,7 @@ class Checker:
         with self._wake:
             self._waiting.pop(request.path, None)
             self._waiting[request.path] = request
+            self._overtaken |= self._running is not None and self._running.path != request.path
             self._wake.notify()
 
     def forget(self, path: str) -> None:
@@ -87,12 +90,14 @@ class Checker:
                     self._wake.wait()
                 if self._closed:
                     return
-                path = next(iter(self._waiting))
-                request = self._running = self._waiting.pop(path)
+                _, request = self._waiting.popitem()
+                self._running, self._overtaken = request, False
             found = self._checked(request)
-            current = self._is_newest(request)
             with self._wake:
+                current = self._is_newest(request)
                 self._running = None
+                if found is None and current:  # put off
+                    self._waiting = {request.path: request, **self._waiting}
             if found is not None and current:
                 self._deliver(request, found)
 
@@ -110,10 +115,10 @@ class Checker:
                 while not pipe.poll(0.05):
                     waited += 0.05
                     newer = self._closed or request.path in self._waiting
-                    if newer and not told:
+                    if (newer or self._overtaken) and not told:
                         pipe.send(_STOP)
                         waited, told = 0.0, True
-                    if self._closed or told and waited > PATIENCE:
+                    if self._closed or newer and waited > PATIENCE:
                         self._end_process()
                         return None
                     if waited > self._budget:
