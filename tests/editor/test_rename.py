@@ -45,6 +45,11 @@ TEXT = """package P
     Real 'a b' = F(factor = 2, x = d.k) + scaled(factor = 3, x = 'a c');
     Real 'a c' = d.law.f;
   end Top;
+  model Shown
+    parameter Boolean flag = true;
+    parameter Real size = 1 annotation(Dialog(enable = flag));
+    annotation(Icon(graphics = {Line(points = {{0, 0}, {1, 1}}, visible = not flag)}));
+  end Shown;
 end P;
 """
 
@@ -73,6 +78,7 @@ def after(text: str, place: str, new: str) -> str:
                            "scaled(factor": "scaled(by"}),
         ("scaled\n", "times", {"function scaled": "function times", "P.scaled": "P.times", "+ scaled(": "+ times(",
                                "end scaled": "end times"}),
+        ("flag = t", "on", {"flag = true": "on = true", "enable = flag": "enable = on", "not flag": "not on"}),
         ("i for", "j", {"k * i for i": "k * j for j"}),
         ("'a b'", "'b a'", {"'a b'": "'b a'"}),
         ("Top", "'The top'", {"model Top": "model 'The top'", "end Top": "end 'The top'"}),

@@ -17,10 +17,11 @@ from lmoc.semantics.classes.scope import Scope
 from lmoc.semantics.mistakes.wrong import Wrong
 from lmoc.support.records import dataclass
 from lmoc.syntax import tree
-from lmoc.syntax.node import Node
+from lmoc.syntax.node import Node, walk
 
 _IDENT = re.compile(r"[^\W\d]\w*|'(?:[^'\\\n]|\\.)+'")
 _BEFORE_VALUE = re.compile(rf"({_IDENT.pattern})\s*=\s*\(*\s*\Z")
+_CONDITIONS = ("visible", "enable")
 Meaning = Member | Scope | Builtin | tree.ForIndex
 Local = dict[str, tuple[tree.ForIndex, Span]]
 
@@ -133,6 +134,7 @@ class _Names:
             self._reference(d.constrained_by, {}, "type")
         body = (d.equations, d.initial_equations, d.statements, d.initial_statements)
         self._walk(body, {})
+        self._annotation(d.annotation)
         return self.found
 
     def _add(self, span: Span, meaning: Meaning, role: str) -> None:
@@ -164,6 +166,15 @@ class _Names:
         if c.constrained_by is not None:
             self._reference(c.constrained_by, {}, "type")
             self._modification(c.constraint, self._class(c.constrained_by))
+        self._annotation(c.annotation)
+
+    def _annotation(self, annotation: tree.Modification | None) -> None:
+        """The names in conditions of pictures and dialogs; other words of annotations are nobody's names."""
+        for node in walk((annotation,)):
+            if isinstance(node, tree.Call):
+                self._walk([value for name, value in node.named if name in _CONDITIONS], {})
+            elif isinstance(node, tree.ElementModification) and node.name[-1] in _CONDITIONS and node.modification:
+                self._walk(node.modification.value, {})
 
     def _short(self, short: tree.ShortClass) -> None:
         around = _Names(self.scope.parent, self.found)
