@@ -320,8 +320,9 @@ class FlatDAE:
         tables = [*(a.slots.ravel() for a in (*self.starts, *self.fixed)), *(c.slots.ravel() for c in checks)]
         outputs = self.per_variable(lambda b: b.output, bool)
         tables += [np.flatnonzero(outputs), *(() if self.events is None else (self.events.read, self.events.clocks()))]
-        found = np.unique(np.concatenate(tables)).astype(int)
-        return found[self.kind[found] == Kind.PARAMETER]
+        found: np.ndarray = np.unique(np.concatenate(tables)).astype(int)
+        own: np.ndarray = found[self.kind[found] == Kind.PARAMETER]
+        return own
 
     @cached_property
     def input_bindings(self) -> tuple[Assignments, ...]:
