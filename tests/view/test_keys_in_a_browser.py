@@ -25,7 +25,7 @@ def go_to(name: str) -> dict:
     """Press Tab until a control has the focus."""
     for _ in range(80):
         press("Tab")
-        if (now := state())["at"] == name:
+        if (now := in_page(STATE))["at"] == name:
             return now
     raise AssertionError(f"no Tab leads to {name}")
 
@@ -45,7 +45,8 @@ def test_keys_alone_run_drag_pull_and_compare():
     assert dragged["keep"] == "Forget the recorded run"
     press(" ")
     press("ArrowUp", 2)
-    held = in_page(f"await frames(3); {STATE}")  # it computes as long as it runs
+    drawn = "document.querySelector('#stage .hand').getAttribute('d')"
+    held = in_page(f"for (let k = 0; k < 600 && !{drawn}; k++) await frames(1); {STATE}")  # it stays busy
     assert held["play"] == "Pause" and held["pulls"]
     press("Enter")
     press(" ")

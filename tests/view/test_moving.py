@@ -167,3 +167,12 @@ def test_the_falls_of_a_rope_end_at_the_pulley_that_they_carry():
         pulley = next(i for i in items if i.symbol == "pulley")
         falls = [i.ends[1].y for i in items if i.part == "rope" and i.symbol == "string" and len(i.ends) == 2]
         assert len(falls) == 2 and falls == pytest.approx([pulley.ends[0].y] * 2)
+
+
+def test_the_pivot_of_a_beam_stays_on_it():
+    dae = compiled(MODELS / "textbook" / "half_car.lmo")
+    moving = Moving(dae.draw().picture, dae.simulate(points=31))
+    at = {i.symbol: i.ends for i in moving.at(4) if i.part == "body"}
+    (a, b), (pivot,) = at["beam"], at["pivot"]
+    assert abs(a.y - b.y) > 5
+    assert pivot.y == pytest.approx(a.y + (b.y - a.y) * (pivot.x - a.x) / (b.x - a.x), abs=1e-6)

@@ -201,8 +201,10 @@ def _beam_names(element: Element, pivot: int, hanging: Hanging) -> list[Item]:
     names, style = hanging.style.names, hanging.style
     text = names.part(element, "m", "J")
     hinge = symbols.Circle((0, 0, 0), 3.5, "paper")
-    items = [Item("pivot", element.name, (Anchor(0, 0),), (hinge,), nodes=(pivot,))]
-    items.append(Item("label", element.name, (Anchor(0, 0),), (Label(text, (0, 0, -20)),)))
+    moves = (Move(variable, *UP, None, GROUP),) if (variable := style.variables.get(pivot)) else ()
+    at = Anchor(0, 0, moves)
+    items = [Item("pivot", element.name, (at,), (hinge,), nodes=(pivot,))]
+    items.append(Item("label", element.name, (at,), (Label(text, (0, 0, -20)),)))
     if pivot in style.coordinates:
         shapes = (Label(style.coordinates[pivot], (0, -10, -40), "end"),)
         items.append(symbols.arrow("coordinate", "", Anchor(0, -8), (-4, -22), (-4, -50), "ink", 1.2, shapes))

@@ -35,12 +35,13 @@ export class Drag {
     return true;
   }
 
-  /** What keys take, and where: an item of the part that is chosen, else of the first part that moves, those at one place before others. */
+  /** What keys take, and where: an item of the part that is chosen, else of the first that moves; what can be pulled, and what is at one place, first. */
   first() {
     const { data, card, motion, places, player } = this.page;
     const { items } = data.picture;
     const own = items.filter(({ part }) => part !== "" && (card.part === "" || part === card.part));
-    const moving = own.filter(canBeTaken).sort((a, b) => a.ends.length - b.ends.length);
+    const rank = (item) => item.ends.length + 9 * (gripAt(item, farthest(item), data.script) === undefined);
+    const moving = own.filter(canBeTaken).sort((a, b) => rank(a) - rank(b));
     const item = moving[0] ?? own[0] ?? items[0];
     return [items.indexOf(item), motion.point(item, farthest(item), places(player.t))];
   }
