@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from lmoc.numerics.task.task import Progress
     from lmoc.symbolic.equations import EquationsOfMotion
     from lmoc.symbolic.equilibria import Equilibria
-    from lmoc.symbolic.laws.modes import Lawful
+    from lmoc.symbolic.laws.modes import Lawful, Met
     from lmoc.symbolic.released import Released
 
 _KNOWN_AGAIN = 10_000  # variables up to which the values checked last are kept
@@ -73,6 +73,7 @@ class Session:
         self._starts: dict[tuple, Reduced] = {}  # for starts at which the preferred coordinates do not serve
         self._redundant: dict[bytes, list[Reduced]] = {}  # by parameter values: each leaves out other constraints
         self._simulators: dict[int, Simulator] = {}  # by identity of the reduction
+        self._met: Met = {}  # modes of the laws, by the scene and the mode
         self._busy = Lock()  # a simulator has one set of buffers
         self._reshaped: dict[tuple, Session] = {}  # one for each set of structural values met so far
         self._sound = b""  # parameter values with which nothing was wrong
@@ -155,7 +156,7 @@ class Session:
         """Return a scene with laws for derivations, in which each mode has a reduction of its own."""
         from lmoc.symbolic.laws.modes import Lawful
 
-        return Lawful(prepared, self._reduced_in_mode, released_in_mode, reduced_at)
+        return Lawful(prepared, self._reduced_in_mode, released_in_mode, reduced_at, self._met)
 
     def _reduced_in_mode(self, flat: FlatDAE, values: np.ndarray, states: Sequence[str] | None) -> Reduced:
         """Return the reduction of one mode; requested states are those of the scene with all laws open."""
@@ -353,7 +354,7 @@ class Session:
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what belongs to this process: the solvers' functions are made again when needed."""
         kept = {name: value for name, value in self.__dict__.items() if name != "_busy"}
-        return kept | {"_simulators": {}, "_formulated": {}, "_shared": Shared()}
+        return kept | {"_simulators": {}, "_formulated": {}, "_met": {}, "_shared": Shared()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__ = state | {"_busy": Lock()}

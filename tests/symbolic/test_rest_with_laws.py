@@ -9,6 +9,7 @@ from oracles.two_bobs import TWO_BOBS
 from scipy.optimize import brentq
 
 import lmoc
+from lmoc import pipeline
 from lmoc.cli.main import main
 
 HANGING = """model Hanging Fixed c; Cable s(L = 1.5); Mass m(m = 2, g = 9.81);
@@ -168,6 +169,18 @@ def test_linear_models_are_those_of_the_mode():
     run = stuck.simulate(stop=0.05)
     assert stuck.linearize(at=run).A == pytest.approx(np.array([[0, 1], [-50, 0]]))
     assert stuck.linearize(at=0.05).point["m.q"] == pytest.approx(run["m.q"][-1], rel=1e-6)
+
+
+def test_a_mode_is_reduced_once(monkeypatch):
+    """Where an equilibrium has been found it is linearized, and closing loops in space is most of the work for both."""
+    dae, modes, reduce = lmoc.compile_text(HANGING), [], pipeline.reduce
+    monkeypatch.setattr(pipeline, "reduce", lambda flat, *more: modes.append(flat.closed) or reduce(flat, *more))
+    (rest,) = dae.equilibria()
+    found = len(modes)
+    model = dae.linearize(at=rest)
+    assert len(modes) == found > 0 and model.states == []
+    dae.equilibria(parameters={"m.m": 3})
+    assert len(modes) > found
 
 
 def test_many_laws_are_not_enumerated():

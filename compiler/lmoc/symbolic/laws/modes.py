@@ -17,6 +17,8 @@ from lmoc.structure.laws.switched import free
 from lmoc.support.records import dataclass
 
 Reduce = Callable[[FlatDAE, np.ndarray, Sequence[str] | None], Reduced]
+Met = dict[tuple[int, bytes, bytes, bytes], tuple[FlatDAE, Prepared]]  # by the scene that is kept beside, and its mode
+_KEPT = 16  # modes: an equilibrium is found in one of them, and linearized in the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +31,14 @@ class Lawful:
     reduce : from a flat model, parameter values and requested states (None for the scene's) to its reduction
     release : from a reduction to that with all coordinates of its closed loops as states
     reduce_at : as `reduce`, in coordinates that serve at a place {name: value}
+    met : where the modes that have been reduced are kept
     """
 
     prepared: Prepared
     reduce: Reduce
     release: Callable[[Reduced], Reduced]
     reduce_at: Callable[[FlatDAE, np.ndarray, Mapping[str, float]], Reduced]
+    met: Met | None = None
 
     @property
     def flat(self) -> FlatDAE:
@@ -90,9 +94,16 @@ class Lawful:
             The closed laws contradict each other.
         """
         direction = np.zeros(self.count, int) if direction is None else direction
-        flat = with_mode(self.flat, closed, direction)
-        values = self.prepared.values
-        return Prepared(flat, self.reduce(flat, values, None), values)
+        values, met = self.prepared.values, {} if self.met is None else self.met
+        key = id(self.flat), values.tobytes(), np.asarray(closed, bool).tobytes(), np.asarray(direction, int).tobytes()
+        found = met.get(key)
+        if found is None:
+            flat = with_mode(self.flat, closed, direction)
+            found = self.flat, Prepared(flat, self.reduce(flat, values, None), values)
+            for oldest in list(met)[: 1 - _KEPT]:
+                met.pop(oldest, None)  # another thread may have been faster
+            met[key] = found
+        return found[1]
 
     def loose(self) -> tuple[Prepared, Switched]:
         """Return the scene with all laws open and their forces as inputs, and where these are.
