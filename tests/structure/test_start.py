@@ -88,8 +88,8 @@ ANGLES = """
     end Angles;"""
 
 
-@pytest.mark.parametrize(("upper", "lower"), list(product([RIGHT, UP, LEFT, DOWN], repeat=2)))
-def test_double_pendulum_from_all_right_angles(upper, lower):
+@pytest.mark.parametrize(("upper", "lower"), list(product([RIGHT, UP, LEFT, DOWN], [UP, LEFT])))
+def test_double_pendulum_from_right_angles(upper, lower):
     x2, y2 = upper[0] + lower[0], upper[1] + lower[1]
     run = lmoc.compile_text(DOUBLE.format(x1=upper[0], y1=upper[1], x2=x2, y2=y2)).simulate(
         stop=0.15, points=4, rtol=1e-9

@@ -325,8 +325,9 @@ def test_the_instant_and_the_run_of_a_diagram_must_fit_the_scene():
 PICTURES = Path(__file__).parents[1] / "data" / "pictures"
 
 
-@pytest.mark.parametrize("name, body, acceleration", [("bell_crank", "plunger", "a"), ("engine", "flywheel", "alpha")])
-@pytest.mark.parametrize("time", [None, 0.04])
+@pytest.mark.parametrize(
+    "name, body, acceleration, time", [("bell_crank", "plunger", "a", None), ("engine", "flywheel", "alpha", 0.04)]
+)
 def test_forces_without_formulas_are_numbers_and_add_up_to_mass_times_acceleration(name, body, acceleration, time):
     dae = lmoc.compile(PICTURES / f"{name}.lmo")
     run = dae.simulate(stop=0.05, points=6)
