@@ -18,10 +18,10 @@ BUILT, DIGEST = ASSETS / "engine.wasm", ASSETS / "engine.sha256"
 SOURCES = (
     "page", "page_steps", "page_memory", "bytes", "tape", "blocks", "dense", "newton", "copies", "lu", "lu_order",
     "tables", "evaluate", "dop853", "walk", "radau", "first_step", "roots", "crossing", "page_events", "beside",
-    "instant", "relations", "trials", "hops", "happen", "page_laws", "law_run", "free_dynamics", "transition", "strike",
-    "jenkins",
-    "project", "switching", "manifold", "mode", "impact", "impact_order", "complementarity", "cones", "coordinates",
-    "coordinate_watch", "passage", "page_coordinates", "page_instants", "jump", "page_jumps",
+    "instant", "relations", "trials", "hops", "happen", "stiff_states", "page_laws", "law_run", "free_dynamics",
+    "transition", "strike", "jenkins", "project", "switching", "manifold", "mode", "impact", "impact_order",
+    "complementarity", "cones", "coordinates", "coordinate_watch", "passage", "page_coordinates", "page_instants",
+    "jump", "page_jumps",
 )  # fmt: skip
 FLAGS = ("-Os", "-std=c11", "-ffp-contract=off", "-fno-math-errno", "-fno-strict-aliasing")  # equal bits everywhere
 _INCLUDE = re.compile(r'^#include "(\w+\.h)"', re.MULTILINE)

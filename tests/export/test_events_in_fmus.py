@@ -320,3 +320,35 @@ def test_calls_in_any_order_get_a_status(made, kind: str) -> None:
                 refused += 1
         fmu.freeInstance()
     assert answered > 30 and refused > 30
+
+
+FOLLOWS = """
+model Follows "a stiff state that follows a drive across a level"
+  output Integer n(start = 0, fixed = true);
+  Real v(start = 0, fixed = true);
+equation
+  der(v) = 1e6*(0.3*time - v);
+  when v > 1.5 then
+    n = pre(n) + 1;
+  end when;
+  annotation(experiment(StopTime = 10));
+end Follows;
+"""
+
+
+def test_what_a_step_leaves_open_of_a_stiff_state_is_no_crossing(tmp_path) -> None:
+    """With the states of another tool's steps: off by less than its tolerance leaves open, and then by more."""
+    fmu, references = instance(lmoc.compile_text(FOLLOWS).export(tmp_path / "follows.fmu").path, "ModelExchange")
+    fmu.enterInitializationMode(tolerance=1e-4, startTime=0.0)
+    fmu.exitInitializationMode()
+    crossings = []
+    for k, v in enumerate([1.4, 1.5001, 1.4999, 1.5001, 1.5, 1.5002, 1.4, 1.6]):
+        fmu.enterContinuousTimeMode()
+        fmu.setTime(5.0 + 1e-6 * k)
+        fmu.setContinuousStates((c_double * 1)(v), 1)
+        fmu.completedIntegratorStep()
+        fmu.enterEventMode()
+        fmu.updateDiscreteStates()
+        crossings += fmu.getInt32([references["n"]])
+    assert crossings == [0, 1, 1, 1, 1, 1, 1, 2]
+    fmu.freeInstance()

@@ -39,9 +39,10 @@ class _Events(ctypes.Structure):
     _fields_ = [
         *[(name, _PLACE) for name in ("e", "h")],
         *[(name, ctypes.c_int64) for name in ("initial", "terminal")],
-        *[(name, _PLACE) for name in ("next", "begun", "held", "which", "turn", "at", "folds")],
+        *[(name, _PLACE) for name in ("next", "turned", "errors", "defect")],
+        *[(name, _PLACE) for name in ("begun", "held", "which", "turn", "at", "folds")],
         *[(name, ctypes.c_int64) for name in ("kind", "jumped", "culprit")],
-        *[(name, _PLACE) for name in ("owner", "happened", "states", "equations", "fold")],
+        *[(name, _PLACE) for name in ("owner", "happened", "states", "equations", "fold", "defects")],
     ]
 
 
@@ -94,14 +95,15 @@ class EventWalk:
         folds, *others = (ctypes.cast(h, _PLACE).value for h in hooks)
         self._hops.motion = address("lmoc_look_along") if motion is None else others[-1]
         self._hops.work = work.ctypes.data
-        arrays = (self._next, begun, held, self.which, self.turn, at, self.folds)
+        arrays = (begun, held, self.which, self.turn, at, self.folds)
         self.data = _Events(
-            ctypes.addressof(instant.data), ctypes.addressof(self._hops), *flags, *(a.ctypes.data for a in arrays),
-            fold=folds,
+            ctypes.addressof(instant.data), ctypes.addressof(self._hops), *flags, self._next.ctypes.data, None, None,
+            None, *(a.ctypes.data for a in arrays), fold=folds,
         )  # fmt: skip
         turned = self.book.data.turned if hasattr(self, "book") else self._hops.begin
         self.book = Book(ctypes.addressof(self.data), accounts, None if step is None else others[0], turned)
         self.data.happened, self.data.owner = self.book.writes, ctypes.addressof(self.book.data)
+        self.data.turned = _at(self.book.data, "turned")
         self._instant, self._reference, self._kept = instant, ctypes.byref(self.data), (hooks, work, at, begun, held)
 
     @property
@@ -162,14 +164,15 @@ class EventWalk:
         self.data.states, self.data.equations = (ctypes.cast(h, _PLACE).value for h in hooks)
         return int(self._instant.judged(library().lmoc_events_start(self._reference, t, x.ctypes.data, 0)))
 
-    def after(self, t: float, x: np.ndarray, crossed: bool, step: float = 0.0) -> int:
+    def after(self, t: float, x: np.ndarray, crossed: bool, step: float, errors: np.ndarray | None) -> int:
         """Do what happens where a segment has ended, because functions have crossed zero or not; x moves on.
 
         Parameters
         ----------
         step : s, the last step of the method, over which the motion is smooth
+        errors : (states,) what the integrator has allowed itself in a step; None where something else happens as well
         """
-        self._hops.step = step
+        self._hops.step, self.data.errors = step, None if errors is None else errors.ctypes.data
         return int(self._instant.judged(library().lmoc_events_after(self._reference, t, x.ctypes.data, crossed)))
 
     def settle(self, t: float, x: np.ndarray) -> int:

@@ -91,7 +91,7 @@ def _events(w: _Writer, own: Executable) -> str:
     e = own.events
     sizes = {name: len(e.columns[column]) for name, column in COUNTED.items()} | {"states": len(own.plan.states)}
     instant = [f".{name} = {size}" for name, size in sizes.items()]
-    instant += [f".{name} = {w.ints(e.columns[name])}" for name in TABLES if name != "read"]
+    instant += [f".{name} = {w.ints(e.columns[name])}" for name in TABLES]
     counts = [
         e.checks, len(e.watched.places), len(e.branches), len(e.seen), len(e.parameters),
         len(e.begun), len(e.kept), e.absent, e.initial, e.terminal,

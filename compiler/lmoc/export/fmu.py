@@ -37,9 +37,9 @@ OPTIONS = ("-O2", "-std=c11", "-ffp-contract=off", "-fno-math-errno", "-fno-stri
 _TOLERANCE = 1e-6
 _ENGINE = (
     "tape", "blocks", "dense", "newton", "copies", "lu", "lu_order", "tables", "evaluate", "dop853", "walk", "instant",
-    "relations", "trials", "roots", "crossing", "hops", "happen", "first_step", "beside", "law_run", "transition",
-    "strike", "jenkins", "switching", "mode", "project", "manifold", "impact", "impact_order", "complementarity",
-    "cones", "free_dynamics", "jump", "landing",
+    "relations", "trials", "roots", "crossing", "hops", "happen", "stiff_states", "first_step", "beside", "law_run",
+    "transition", "strike", "jenkins", "switching", "mode", "project", "manifold", "impact", "impact_order",
+    "complementarity", "cones", "free_dynamics", "jump", "landing",
 )  # fmt: skip
 _HEADERS = (
     "lane", "tape", "lu", "dense", "blocks", "newton", "copies", "tables", "engine", "walk", "instant", "roots", "hops",

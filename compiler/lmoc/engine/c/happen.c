@@ -39,6 +39,22 @@ static void turn_back(lmoc_events *v) {
 
 enum { NOTHING, CROSSED, BACK, ENDS };  /* what changes beside samples that are due */
 
+/* Whether an event has changed what the equations of the motion read. */
+static int turns(const lmoc_events *v) {
+  const lmoc_instant *e = v->e;
+  for (int64_t i = 0; i < e->discrete; i++) {
+    if (!lmoc_differ(v->held[i], e->v[e->own[i]])) continue;
+    for (int64_t k = 0; k < e->bounded; k++) if (e->read[k] == e->own[i]) return 1;
+  }
+  return 0;
+}
+
+static int told(lmoc_events *v, double time, double *x) {
+  const int found = v->happened(v, time, x);
+  if (v->jumped || turns(v)) *v->turned = time;
+  return found;
+}
+
 /* An event where the continuous values have been looked at. */
 static int event(lmoc_events *v, double time, double *x, int change) {
   lmoc_instant *e = v->e;
@@ -56,7 +72,7 @@ static int event(lmoc_events *v, double time, double *x, int change) {
   if ((found = lmoc_event(e, x))) return found;
   v->jumped = e->jumped;
   *v->next = lmoc_next_time(e, instant, 0);
-  return v->happened(v, time, x);
+  return told(v, time, x);
 }
 
 static int look_and_happen(lmoc_events *v, double time, double *x, int change) {
@@ -90,13 +106,20 @@ static int cross(lmoc_events *v, double time, double *x) {
 }
 
 int lmoc_events_after(lmoc_events *v, double time, double *x, int crossed) {
-  if (crossed) return cross(v, time, x);
+  const double end = v->h->begin + v->h->span;
+  int some = crossed, found;
+  if (crossed && (found = lmoc_without_noise(v, time, x, &some))) return found;
+  if (some) return cross(v, time, x);
   if (time >= *v->next - lmoc_near_to(time)) return look_and_happen(v, time, x, NOTHING);
+  if (crossed && (v->terminal < 0 || time < end - lmoc_near_to(time))) return LMOC_SETTLED;
   if (v->terminal >= 0 && v->e->v[v->terminal] == 0) return look_and_happen(v, time, x, ENDS);
   return LMOC_OVER;
 }
 
-int lmoc_events_settle(lmoc_events *v, double time, double *x) { return look_and_happen(v, time, x, NOTHING); }
+int lmoc_events_settle(lmoc_events *v, double time, double *x) {
+  *v->turned = time;
+  return look_and_happen(v, time, x, NOTHING);
+}
 
 /* ------------------------------------------------------------------ the start */
 
@@ -143,7 +166,7 @@ static int start(lmoc_events *v, double time, double *x, int tried) {
   v->kind = LMOC_START;
   v->jumped = some || e->jumped;
   hold(v);
-  return v->happened(v, time, x);
+  return told(v, time, x);
 }
 
 int lmoc_events_start(lmoc_events *v, double time, double *x, int tried) {

@@ -43,6 +43,8 @@ static int motion(lmoc_instant *e, double time, const double *x, double *rates, 
   return LMOC_SETTLED;
 }
 
+static void defects(lmoc_events *way) { lmoc_page_defects(way->owner, way->defect); }
+
 /* ------------------------------------------------------------------ what happens */
 
 static double stored_at(lmoc_page *p, double time, const double *x) {
@@ -166,7 +168,7 @@ static void read_tables(lmoc_instant *e, lmoc_bytes *b) {
 static int make_room(page_events *v, int64_t n) {
   lmoc_instant *e = &v->instant;
   const int64_t zeros = e->zeros, d = e->discrete;
-  const int64_t sum = 3*n + 3*d + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
+  const int64_t sum = 5*n + 3*d + 8*zeros + 2*e->relations + 2*d + LMOC_HISTORY*d + zeros*(LMOC_CHATTER + 10) + 8*n + 8;
   double *at = calloc((size_t)(sum + 3*zeros), sizeof(double));
   e->found = calloc((size_t)e->told + 1, sizeof(int64_t));
   e->near = calloc((size_t)zeros + 1, 1);
@@ -177,7 +179,7 @@ static int make_room(page_events *v, int64_t n) {
   TAKE(instant.flipped, d), TAKE(instant.moved, n), TAKE(instant.history, LMOC_HISTORY*d);
   TAKE(hops.times, zeros*LMOC_CHATTER), TAKE(hops.home, zeros), TAKE(hops.work, 4*n + 9*zeros);
   TAKE(work, 2*n + 3*zeros), TAKE(noise, zeros), TAKE(way.which, zeros), TAKE(way.turn, zeros), TAKE(way.at, zeros);
-  TAKE(way.begun, n), TAKE(way.held, d), TAKE(left, n), TAKE(state, n), TAKE(past, d), TAKE(now, d);
+  TAKE(way.begun, n), TAKE(way.held, d), TAKE(left, n), TAKE(errors, n), TAKE(way.defect, n), TAKE(state, n), TAKE(past, d), TAKE(now, d);
 #undef TAKE
   return 1;
 }
@@ -214,8 +216,10 @@ void lmoc_page_read_events(lmoc_page *p, lmoc_bytes *b) {
   v->way.e = e;
   v->way.h = &v->hops;
   v->way.next = &v->next;
+  v->way.turned = &v->turned;
   v->way.owner = p;
   v->way.happened = booked;
+  v->way.defects = defects;
   v->way.states = states;
   v->way.equations = equations;
   if (!make_room(v, p->n)) b->failed = 1;
@@ -230,6 +234,7 @@ void lmoc_page_begin_events(lmoc_page *p, double time, double span) {
   for (int64_t k = 0; k < e->relations; k++) e->early[k] = 0;
   for (int64_t k = 0; k < p->jumps.early_count; k++) e->early[p->jumps.early[k]] = 1;
   v->next = INFINITY;
+  v->turned = -INFINITY;
   p->reached = -INFINITY;
   v->hops.begin = time;
   v->hops.span = span;

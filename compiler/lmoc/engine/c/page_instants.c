@@ -101,7 +101,7 @@ static void cross(lmoc_page *p, const uint8_t *which) {
 }
 
 int lmoc_page_after(lmoc_page *p, double ended, double begin, int root) {
-  const page_events *v = &p->events;
+  page_events *v = &p->events;
   const int64_t roots = p->law_roots;
   const uint8_t *which = p->finder.which;
   int some = 0, found;
@@ -119,6 +119,8 @@ int lmoc_page_after(lmoc_page *p, double ended, double begin, int root) {
     lmoc_host_laws();
     memcpy(p->x, p->answer, p->n * sizeof(double));
   }
+  v->way.errors = root && !some && !stepped && v->instant.owner ? v->errors : 0;
+  if (v->way.errors) lmoc_page_allowed(p, v->errors);
   memcpy(p->answer, p->x, p->n * sizeof(double));
   if (!v->instant.owner) return root || stepped ? 0 : LMOC_OVER;
   if (p->laws.run.k.laws.count) lmoc_page_left(p);

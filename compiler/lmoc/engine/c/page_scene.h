@@ -32,7 +32,9 @@ typedef struct {
   const int32_t *zero, *seen;         /* (zeros,), (reinits,) registers */
   double *work, *noise, *now;         /* room */
   double *left, *state, *past;        /* (n,), (n,), (discrete,) as laws have left them; room */
-  double next, lost;                  /* s, of the next time event; J, that the last event has cost */
+  double *errors;                     /* (n,) what the method has allowed itself in its last step */
+  double next, turned, lost;          /* s, of the next time event and of the last one that has changed the motion; J, that
+                                         the last event has cost */
 } page_events;
 
 /* What steps while the equations hold derivatives of it. */
@@ -111,6 +113,10 @@ void lmoc_page_mark(lmoc_page *p);
 void lmoc_page_go_back(lmoc_page *p);
 
 int64_t lmoc_page_room_of_radau(lmoc_page *p);              /* doubles */
+/* (n,) What the method has allowed itself in its last step; by how much rates differ from slopes of its way there, at most,
+   where the answer is the state. */
+void lmoc_page_allowed(const lmoc_page *p, double *errors);
+void lmoc_page_defects(lmoc_page *p, double *defect);
 
 /* Functions of laws from the state on, how many; their values, and those of events, for a state. */
 int lmoc_page_watch_laws(lmoc_page *p, double time);

@@ -7,6 +7,8 @@
 
 enum { EXPLICIT, IMPLICIT, STANDING };
 enum { LOOKS = 400 };         /* at functions of time over a piece without states */
+static const double BESIDE = 0.1;   /* of a part of a step, to both sides of a place: its slope is taken over that */
+enum { DEFECTS = 8 };         /* parts of a step, between which it is looked at */
 enum { MOST_STATES = 1000 };  /* of an implicit method, whose matrices have six times their square of numbers */
 
 static double *state_of(lmoc_page *p) { return p->method == IMPLICIT ? p->radau.x : p->steps.x; }
@@ -140,6 +142,32 @@ int lmoc_page_within(lmoc_page *p, double time) {
   else if (p->method == IMPLICIT) lmoc_radau_within(&p->radau, time, p->answer);
   else if (p->method == EXPLICIT) return within(p, time);
   return 1;
+}
+
+void lmoc_page_allowed(const lmoc_page *p, double *errors) {
+  const double rtol = p->method == IMPLICIT ? p->radau.rtol : p->steps.rtol;
+  for (int64_t i = 0; i < p->n; i++) errors[i] = rtol * fabs(p->x[i]) + p->atol[i];
+}
+
+/* Between the places at which a stiff method solves the equations, nothing controls the error of its way. */
+void lmoc_page_defects(lmoc_page *p, double *defect) {
+  const double from = lmoc_page_told(p, 1), by = (time_of(p) - from) / DEFECTS;
+  double *kept = p->place, *slope = kept + p->n;
+  const size_t size = (size_t)p->n * sizeof(double);
+  memset(defect, 0, size);
+  memcpy(kept, p->answer, size);
+  for (int k = 1; k < DEFECTS && by > 0; k++) {
+    if (!lmoc_page_within(p, from + (k - BESIDE) * by)) continue;
+    memcpy(slope, p->answer, size);
+    if (!lmoc_page_within(p, from + (k + BESIDE) * by)) continue;
+    for (int64_t i = 0; i < p->n; i++) slope[i] = (p->answer[i] - slope[i]) / (2 * BESIDE * by);
+    if (!lmoc_page_within(p, from + k * by)) continue;
+    memcpy(p->x, p->answer, size);
+    lmoc_page_rates(p, from + k * by);
+    for (int64_t i = 0; i < p->n; i++) defect[i] = fmax(defect[i], fabs(p->answer[i] - slope[i]));
+  }
+  memcpy(p->x, kept, size);
+  memcpy(p->answer, kept, size);
 }
 
 /* ------------------------------------------------------------------ roots */

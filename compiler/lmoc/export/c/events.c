@@ -201,11 +201,18 @@ static int reported(fmu *f, int found) {
   return fmu_refused(f, text);
 }
 
-/* What happens to the discrete values; `which` as of `crossed`. */
-static int change(fmu *f) {
+void fmu_allow(fmu *f) {
+  for (int64_t j = 0; j < f->model->states; j++)
+    f->errors[j] = f->now.rtol * (fabs(f->x[j]) + 1e-3 * f->model->nominal[j]);
+}
+
+/* What happens to the discrete values; `which` as of `crossed`. `alone`: nothing else has happened. */
+static int change(fmu *f, int alone) {
   int some = 0;
   for (int64_t k = 0; k < f->e.zeros; k++) some |= f->which[k] != 0;
   f->hops.begin = f->now.begin;
+  fmu_allow(f);
+  f->events.errors = alone ? f->errors : 0;
   const int found = lmoc_events_after(&f->events, f->now.time, f->x, some);
   return reported(f, found == LMOC_OVER ? lmoc_events_settle(&f->events, f->now.time, f->x) : found);
 }
@@ -217,26 +224,28 @@ static int answer(void *own, double time, double *x) {
   return (f->failed = reported(f, lmoc_events_settle(&f->events, f->now.time, f->x))) != FMU_GOOD;
 }
 
-static int laws_happen(fmu *f) {
+/* Whether something happens to laws. */
+static int laws_change(const fmu *f) {
   int some = f->now.parted;
   for (int64_t k = 0; k < fmu_law_roots(f); k++) some |= f->law_which[k];
-  return some ? fmu_law_happen(f, f->law_which) : FMU_GOOD;
+  return some;
 }
 
 /* Laws go first, then the discrete equations, and the laws again where those have changed something. */
 int fmu_happen(fmu *f) {
   const int64_t laws = f->model->laws.laws.count;
-  int found;
+  int found, some;
   f->now.jumped = 0;
   if (f->model->loops.stages && (found = fmu_loops_return(f))) return found;
   if ((found = fmu_input_steps(f))) return found;
   if (f->now.ended || !(f->e.discrete || laws)) return FMU_GOOD;
   fmu_settle(f);
   fmu_law_given(f); /* what discrete values change now is a step for the laws */
-  if ((found = crossed(f, f->which)) || (found = laws_happen(f))) return found;
+  if ((found = crossed(f, f->which))) return found;
+  if ((some = laws_change(f)) && (found = fmu_law_happen(f, f->law_which))) return found;
   if (f->e.discrete) {
     memcpy(f->law_before, f->x, f->model->states * sizeof(double));
-    if ((found = change(f)) || (laws && (found = fmu_law_settle(f, answer)))) return found;
+    if ((found = change(f, !some && !f->now.jumped)) || (laws && (found = fmu_law_settle(f, answer)))) return found;
   }
   f->now.last_instant = f->now.time;
   if (f->now.jumped && f->model->loops.stages && (found = fmu_loops_stand(f))) return found;
@@ -272,6 +281,7 @@ void fmu_ask_events(fmu *f) {
   f->events.e = &f->e;
   f->events.h = &f->hops;
   f->events.next = &f->now.next;
+  f->events.turned = &f->now.turned;
   f->events.initial = f->model->events.initial;
   f->events.terminal = -1; /* nobody knows when the other side ends */
   f->events.owner = f;

@@ -151,7 +151,7 @@ typedef void (*fmu_tell)(void *own, const char *text);
 
 typedef struct {
   double time, begin, wish, rtol, call_time, marked_time;
-  double next, last_instant;              /* s: the next time event, the last one */
+  double next, last_instant, turned;      /* s: the next time event, the last one, the last that changed the motion */
   double loop_time;                       /* s, of `loop_x` */
   int64_t solved, marked, first_break;
   int32_t phase, co_simulation, stale, evaluated, observed, judged;
@@ -183,7 +183,8 @@ typedef struct fmu {
   double *memory, *p, *x, *u, *w[TAPES], *solution, *solution_x, *sign;
   double *branch;                               /* (3 unknowns,) of a step (`fmu_branches.c`) */
   double *warned;                               /* (watched,) whether it has been said that one does not hold */
-  double *known, *restitution, *errors, *unresolved;  /* of the laws */
+  double *known, *restitution, *unresolved;     /* of the laws */
+  double *errors;                               /* (states,) what the integrator allows itself in a step */
   double *loop_x;                               /* states at the last look at loops; and room */
   double *loop_moved, *loop_wanted, *loop_before, *loop_sizes, *loop_p;
   double *law_read, *law_before, *law_moved;
@@ -249,6 +250,7 @@ int fmu_indicators(fmu *f, double time, const double *x, double *out);
 void fmu_sides(const fmu *f, double *out);              /* … their signs, 0 where it is that of their value … */
 void fmu_seen(fmu *f);                                  /* … at a place that has been looked at … */
 void fmu_followed(fmu *f);                              /* … and along a whole step */
+void fmu_allow(fmu *f);                                 /* `errors`, as the states are now */
 int fmu_begin(fmu *f, int for_good);                    /* the discrete values at the start */
 int fmu_happen(fmu *f);                                 /* all that happens at an instant; `f->x` may jump */
 int fmu_asks(fmu *f, const double *values);             /* whether anything has to happen with such values … */

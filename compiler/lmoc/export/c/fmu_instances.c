@@ -121,7 +121,7 @@ void fmu_reset(fmu *f) {
   const fmu_model *m = f->model;
   const int co_simulation = f->now.co_simulation;
   f->now = (fmu_scalars){.time = m->start_time, .begin = m->start_time, .rtol = m->tolerance, .phase = FMU_FRESH,
-                         .co_simulation = co_simulation, .stale = 1, .next = INFINITY, .foreseen = INFINITY};
+                         .co_simulation = co_simulation, .stale = 1, .next = INFINITY, .foreseen = INFINITY, .turned = -INFINITY};
   memset(f->memory, 0, f->doubles * sizeof(double));
   memcpy(f->p, m->parameter_start, m->parameters * sizeof(double));
   memcpy(f->x, m->start, m->states * sizeof(double));

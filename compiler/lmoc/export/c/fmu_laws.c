@@ -170,10 +170,8 @@ static void note(const fmu *f) {
 /* What the integrator allows itself in a step; that of another tool has just begun, perhaps with order one, and what it
    does not resolve is not always foreseen (`fmu_hops.c`). */
 static void allow(fmu *f) {
-  for (int64_t j = 0; j < f->model->states; j++) {
-    f->errors[j] = f->now.rtol * (fabs(f->x[j]) + 1e-3 * f->model->nominal[j]);
-    f->unresolved[j] = f->now.surprised ? f->errors[j] : 0;
-  }
+  fmu_allow(f);
+  for (int64_t j = 0; j < f->model->states; j++) f->unresolved[j] = f->now.surprised ? f->errors[j] : 0;
   f->laws.k.guessed = f->now.surprised;
 }
 

@@ -21,7 +21,6 @@ from lmoc.numerics.events.discrete_state import DiscreteState
 from lmoc.numerics.events.happened import NotAState
 from lmoc.numerics.events.layout import EventLayout
 from lmoc.numerics.events.steps import Steps, moving_relations
-from lmoc.numerics.events.stiff_states import noise
 from lmoc.numerics.events.tables import PlanTables
 from lmoc.numerics.events.telling import Teller, told_variables
 from lmoc.numerics.events.trials import leave_fold
@@ -243,12 +242,12 @@ class EventHandler:
         """s, so that relations of time that are not linear in it are looked at often enough."""
         return longest_step(self.discrete, self.end - self.begin)
 
-    def after(self, outcome: Outcome, errors: np.ndarray | float = 0.0) -> np.ndarray | None:
+    def after(self, outcome: Outcome, errors: np.ndarray | None = None) -> np.ndarray | None:
         """Do what happens where a segment has ended; return the states behind it, None at the end of the run.
 
         Parameters
         ----------
-        errors : (states,) what the integrator has allowed itself in a step; 0 where something else happens as well
+        errors : (states,) what the integrator has allowed itself in a step; None where something else happens as well
 
         Raises
         ------
@@ -258,35 +257,10 @@ class EventHandler:
         is_root = outcome.status is Status.ROOT
         if is_root:
             crossed, upwards = self._crossed(outcome.roots)
-            if np.ndim(errors) and self._comes_again(t, crossed):
-                real = self._left_zero(t, x, crossed, errors)
-                crossed, upwards, is_root = crossed[real], upwards[real], bool(real.any())
-            if not is_root and t < self.until - near_to(t):
-                return x
-        if is_root:
             walk.which[:] = 0.0
             walk.which[crossed] = np.where(upwards, 2.0, 1.0)
-        found = self._asked(t, lambda: walk.after(t, x, is_root, outcome.step))
+        found = self._asked(t, lambda: walk.after(t, x, is_root, outcome.step, errors))
         return None if found == OVER else x
-
-    def _comes_again(self, t: float, crossed: np.ndarray) -> bool:
-        """Return whether one of these functions has crossed zero just before, and the motion is the same since."""
-        times, since = self._walk.times, max(self._walk.book.data.turned, t - SHORTLY * (self.end - self.begin))
-        return any(times[k, -1] > since for k in crossed.tolist())
-
-    def _left_zero(self, t: float, x: np.ndarray, crossed: np.ndarray, errors: np.ndarray) -> np.ndarray:
-        """Return which of the functions that cross zero have been further away from it than steps leave open.
-
-        What has not is where it was, until it is so far on the other side. Where an event has changed the motion, that
-        may well have sent a function back.
-        """
-        instant, w, rate = self.discrete.instant, self.discrete.registers(t, x), self.discrete.motion(t, x)[0]
-        left_open = noise(self.layout, w, t, rate, errors, self.end - self.begin)[crossed]
-        back = np.array([self._comes_again(t, crossed[k : k + 1]) for k in range(len(crossed))])
-        back &= (instant.largest[crossed] <= left_open) & ~self.layout.rounded[crossed]
-        own = crossed[back]
-        instant.margin[own] = np.fmax(instant.margin[own], left_open[back])
-        return ~back
 
     def _fold(self, t: float, x: np.ndarray) -> bool:
         """Take other values of relations that cross zero again at an instant, if there are any."""

@@ -410,7 +410,8 @@ class HybridDynamics:
         crossed = outcome.roots[self._law_roots :] if root else None
         early = stepped and not root and t < self.handler.until - near_to(t)  # it is not the end of the run
         own = replace(outcome, x=x, roots=crossed)
-        behind = None if early else self.handler.after(own, errors if alone else 0.0)
+        known = errors if alone and isinstance(errors, np.ndarray) else None
+        behind = None if early else self.handler.after(own, known)
         if behind is None and stepped:
             behind = self.handler.settle(t, x)
         self._collect()

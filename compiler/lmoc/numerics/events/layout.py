@@ -124,12 +124,6 @@ class EventLayout:
         found: np.ndarray = self.events.discrete[np.isin(self.registers, read)]
         return found
 
-    @cached_property
-    def rounded_places(self) -> np.ndarray:
-        """Where these stand among the discrete variables."""
-        found: np.ndarray = np.searchsorted(self.events.discrete, self.rounded_by)
-        return found
-
     def _timed(self, k: int, r: Relations) -> Timed | None:
         """The relation as one of time alone."""
         if not depends_on_time(r.zero) or not r.rows:

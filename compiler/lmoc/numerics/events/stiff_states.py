@@ -1,8 +1,4 @@
-"""States that go back by themselves where they are off: what they forget, and what they do not tell.
-
-A stiff state follows what it is driven by more closely than a step is exact. So it is off by what a step may be off by,
-and goes back in no time: a level that it has just crossed it seems to cross again, the more often the steps begin anew.
-"""
+"""States that go back by themselves where they are off: what they forget (and hide: ``engine/c/stiff_states.c``)."""
 
 from __future__ import annotations
 
@@ -10,8 +6,6 @@ import numpy as np
 
 from lmoc.numerics.events.layout import EventLayout
 
-_STIFF = 1e4  # times that a stiff state goes back in a run
-_WIDE = 10.0  # times what a step may be off by where it ends: what it may be on its way
 _NUMBERS = 1_000_000  # registers that may be looked at at once
 
 
@@ -32,26 +26,3 @@ def going_back(layout: EventLayout, changes: np.ndarray, which: np.ndarray, by: 
     with np.errstate(all="ignore"):
         back: np.ndarray = -np.max(of_rates / (np.array([[1.0], [-1.0]]) * by), axis=0)
     return back
-
-
-def noise(
-    layout: EventLayout, w: np.ndarray, t: float, rate: np.ndarray, errors: np.ndarray, span: float
-) -> np.ndarray:
-    """Return what steps leave open of the zero functions, (zeros,): by stiff states that stand where they are driven.
-
-    Parameters
-    ----------
-    w : (layout.count,) registers with all that is given at a place
-    rate : (states,) there
-    errors : (states,) what the integrator has allowed itself in a step
-    span : s, length of the run
-    """
-    if not 0 < len(rate) <= at_once(layout):
-        return np.zeros(layout.zero_count)
-    by, states = _WIDE * errors, layout.plan.states
-    changes = layout.rounding.beside(w, t, states, by)
-    back = going_back(layout, changes, np.arange(len(rate)), by)
-    with np.errstate(invalid="ignore"):
-        stiff = (back * span > _STIFF) & (np.abs(rate) <= back * by)
-    zeros = changes[:, stiff, layout.plan.count :]
-    return np.nan_to_num(np.abs(zeros).max(axis=0, initial=0.0).sum(axis=0), nan=0.0, posinf=0.0)
