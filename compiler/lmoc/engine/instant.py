@@ -244,6 +244,10 @@ class Instant:
         plain = [a.ctypes.data if isinstance(a, np.ndarray) else a for a in given]
         return self.judged(getattr(self._library, name)(self.reference, *plain))
 
+    def forgive(self) -> None:
+        """Forget what has been raised in Python."""
+        self._failed = None
+
     def judged(self, found: Any) -> Any:
         """Return what C has come back with; what has been raised in Python is raised."""
         if self._failed is not None:

@@ -49,3 +49,18 @@ def test_bits_are_those_of_segments_one_by_one(name, monkeypatch):
     assert sum(passed) >= max(3, len(together[0]) - 5)  # C has gone through nearly all of them
     monkeypatch.setattr(segments._Run, "_through_segments", lambda run, x: (x, False))
     assert bits(dae.simulate(stop=3, points=31)) == together
+
+
+def test_what_cannot_be_done_there_is_told_as_ever(monkeypatch):
+    """A `reinit` of what follows from two states, at an instant that C has come to."""
+    dae = lmoc.compile_text("""model M Real h(start = 1, fixed = true), v(start = 0, fixed = true), y;
+        Integer n(start = 0, fixed = true); equation der(h) = v; der(v) = -9.81; y = h*v;
+        when h < 0 then reinit(v, -0.9*pre(v)); n = pre(n) + 1; end when;
+        when n > 3 then reinit(y, 1); end when; end M;""")
+    told = []
+    for along in (segments._Run._through_segments, lambda run, x: (x, False)):
+        monkeypatch.setattr(segments._Run, "_through_segments", along)
+        with pytest.raises(lmoc.SimulationError, match="cannot be given a new value by reinit") as failed:
+            dae.simulate(stop=5)
+        told.append((str(failed.value), failed.value.time, failed.value.partial.events))
+    assert told[0] == told[1] and len(told[0][2]) == 3

@@ -109,8 +109,9 @@ class DiscreteState:
         return self.instant.memory(*_REMEMBERED, *_OF_BOUNDS, "time")
 
     def forget(self) -> None:
-        """What C has gone through without this stands in other registers."""
+        """C has gone through events without this: what it knows stands elsewhere, and what has failed is repeated."""
         self._pushed = self._moving = None
+        self.instant.forgive()
 
     def recall(self, memory: Mapping[str, np.ndarray], values: np.ndarray, change: np.ndarray) -> None:
         """Be as it was before an instant, with other values.
