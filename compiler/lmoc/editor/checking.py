@@ -263,7 +263,8 @@ class _Text:
         needed = range(len(reading.pieces)) if model.pieces is None else model.pieces
         text = "".join(self._text(s, needed) for s in reading.stretches)
         report = Report()
-        file = parse_classwise(Source(reading.source.name, text), report)
+        goes_on = reading.stretches[-1].piece not in needed  # a class without end says what follows it
+        file = parse_classwise(Source(reading.source.name, text, goes_on), report)
         report.check()
         classes: list[tree.Class] = []
         for k in (k for k, package in enumerate(reading.around) if package is None):

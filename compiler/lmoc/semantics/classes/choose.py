@@ -115,8 +115,8 @@ def _first_line(files: Sequence[tree.File]) -> Span | None:
 
 def _own_classes(root: Scope, files: Sequence[tree.File]) -> list[Scope]:
     """All classes that the files define, those inside of others included."""
-    placed = [(item.span, k) for k, file in enumerate(files) for item in (file, *_with_inner(file.classes))]
-    sources = {id(span.source): k for span, k in placed}
+    inner = {id(c.span.source): k for k, file in enumerate(files) for c in _with_inner(file.classes)}
+    sources = {id(file.span.source): k for k, file in enumerate(files)} | inner
     found, pending = [], [root]
     while pending:
         for scope in pending.pop().local.values():
