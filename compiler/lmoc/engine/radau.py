@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lmoc.engine.library import library
 
@@ -78,7 +80,8 @@ class Radau:
     """
 
     def __init__(self, n: int, own: Functions, in_c: RatesInC | None, atol: np.ndarray, rtol: float) -> None:
-        self._atol, self._views, self._own = np.ascontiguousarray(atol, float), {}, own
+        self._atol, self._own = np.ascontiguousarray(atol, float), own
+        self._views: dict[tuple[int, tuple[int, ...]], NDArray[np.float64]] = {}
         self._raised: BaseException | None = None
         self.way = Way(n, rtol=rtol, atol=self._atol.ctypes.data)
         self._put(in_c)
@@ -122,13 +125,13 @@ class Radau:
                 self._safe(lambda _, which, v: substitute(which, self._view(v, (2, n) if which else (n,))))
             )
 
-    def _safe(self, function: Callable) -> Callable:
+    def _safe(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """Return a function that keeps what it raises for after the step: C cannot pass it on.
 
         From there on there are no numbers, so that the step ends soon.
         """
 
-        def call(*arguments):
+        def call(*arguments: Any) -> Any:
             try:
                 if self._raised is None:
                     return function(*arguments)
@@ -156,7 +159,7 @@ class Radau:
         """Return the memory at an address; one array for each place, since C asks for the same ones again."""
         key = address, shape
         if key not in self._views:
-            size = int(np.prod(shape))
-            own = (ctypes.c_double * size).from_address(address)
-            self._views[key] = np.frombuffer(own, float, size).reshape(shape)
+            count = math.prod(shape)
+            own = (ctypes.c_double * count).from_address(address)
+            self._views[key] = np.ctypeslib.as_array(own).reshape(shape)
         return self._views[key]
