@@ -171,6 +171,20 @@ def test_event_indicators_and_event_mode_by_hand(made) -> None:
     fmu.freeInstance()
 
 
+def test_a_solver_is_begun_anew_where_the_equations_change(made) -> None:
+    """Also where no state jumps: masters keep the history of their method unless they are told that values change."""
+    fmu, _ = instance(made["Switched"][1], "ModelExchange")
+    fmu.enterInitializationMode(startTime=0.0)
+    fmu.exitInitializationMode()
+    fmu.updateDiscreteStates()
+    for t, anew in (0.5, False), (1.0, True), (1.5, False):
+        fmu.enterContinuousTimeMode()
+        fmu.setTime(t)
+        fmu.enterEventMode()
+        assert fmu.updateDiscreteStates()[3] == anew, t
+    fmu.freeInstance()
+
+
 def test_no_ball_falls_through_its_floor(made) -> None:
     """Its bounces are over after 9·√(2/9.81) s, about 4.06 s: there is no motion to be told behind that."""
     from fmpy.fmi1 import FMICallException

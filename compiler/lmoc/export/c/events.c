@@ -234,10 +234,12 @@ static int laws_change(const fmu *f) {
 /* Laws go first, then the discrete equations, and the laws again where those have changed something. */
 int fmu_happen(fmu *f) {
   const int64_t laws = f->model->laws.laws.count;
+  const int64_t kinks = f->now.first_break;
   int found, some;
   f->now.jumped = 0;
   if (f->model->loops.stages && (found = fmu_loops_return(f))) return found;
   if ((found = fmu_input_steps(f))) return found;
+  f->now.anew = f->now.jumped || f->now.first_break != kinks;
   if (f->now.ended || !(f->e.discrete || laws)) return FMU_GOOD;
   fmu_settle(f);
   fmu_law_given(f); /* what discrete values change now is a step for the laws */
@@ -248,6 +250,7 @@ int fmu_happen(fmu *f) {
     if ((found = change(f, !some && !f->now.jumped)) || (laws && (found = fmu_law_settle(f, answer)))) return found;
   }
   f->now.last_instant = f->now.time;
+  f->now.anew |= some || f->now.jumped || (f->now.turned == f->now.time && f->now.time > f->now.begin);
   if (f->now.jumped && f->model->loops.stages && (found = fmu_loops_stand(f))) return found;
   if (fmu_look(f, f->now.time, f->x)) return FMU_NO_VALUE;
   fmu_law_watch(f);

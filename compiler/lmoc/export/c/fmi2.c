@@ -109,7 +109,7 @@ FMU_EXPORT status fmi2NewDiscreteStates(instance *c, event_info *info) {
   double next = INFINITY;
   const status found = updated(c, &next);
   *info = (event_info){.has_next = next < INFINITY, .next = next, .terminate = c->f->now.ended,
-                       .values_changed = c->f->now.jumped};
+                       .values_changed = c->f->now.anew};
   return found;
 }
 

@@ -195,7 +195,7 @@ FMU_EXPORT status fmi3UpdateDiscreteStates(instance *c, bool *again, bool *termi
   *has_next = *next < INFINITY;
   *again = *nominals = false;
   *terminate = c->f->now.ended;
-  *values = c->f->now.jumped;
+  *values = c->f->now.anew;
   return found;
 }
 

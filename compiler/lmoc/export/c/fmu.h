@@ -161,6 +161,7 @@ typedef struct {
   int32_t jumped, closed;                 /* states at the last event; the closures of loops have been found … */
   int32_t compared;                       /* … and compared with those of the scene */
   int32_t parted;                         /* parameters have been set that move what laws keep closed */
+  int32_t anew;                           /* the motion goes on by other equations or from other states since then */
   int32_t drifted;                        /* the states have left the closures of loops by more than the tolerance */
   double foreseen;                        /* s, of the event that ends low hops; infinity: none is foreseen */
   int32_t surprised;                      /* the last one could not be foreseen, or has been prevented */
