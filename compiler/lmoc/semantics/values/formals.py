@@ -80,7 +80,7 @@ def _variable(member: Member, role: str) -> LocalVariable:
 
 def _units(modification: tree.Modification | None) -> Iterator[str]:
     for a in modification.arguments if modification else ():
-        if isinstance(a, tree.ElementModification) and a.name == ("unit",) and a.modification:
+        if isinstance(a, tree.ElementModification) and ".".join(a.name) == "unit" and a.modification:
             if isinstance(a.modification.value, tree.String):
                 yield a.modification.value.value
 
