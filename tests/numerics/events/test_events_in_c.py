@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from oracles.in_c import WAYS, both_ways
 
 import lmoc
 from lmoc.numerics.run import segments
@@ -36,19 +37,9 @@ def bits(run: lmoc.Run) -> tuple[object, ...]:
 @pytest.mark.parametrize("name", SCENES)
 def test_bits_are_those_of_segments_one_by_one(name, monkeypatch):
     dae = lmoc.compile_text(f"model M {SCENES[name]} end M;")
-    passed, along = [], segments._Run._through_segments
-
-    def through(run, x):
-        before = len(run.segments)
-        found = along(run, x)
-        passed.append(len(run.segments) - before)
-        return found
-
-    monkeypatch.setattr(segments._Run, "_through_segments", through)
-    together = bits(dae.simulate(stop=3, points=31))
-    assert sum(passed) >= max(3, len(together[0]) - 5)  # C has gone through nearly all of them
-    monkeypatch.setattr(segments._Run, "_through_segments", lambda run, x: (x, False))
-    assert bits(dae.simulate(stop=3, points=31)) == together
+    together, one_by_one, passed = both_ways(lambda: dae.simulate(stop=3, points=31), bits, monkeypatch)
+    assert passed >= max(3, len(together[0]) - 5)  # C has gone through nearly all of them
+    assert one_by_one == together
 
 
 def test_what_cannot_be_done_there_is_told_as_ever(monkeypatch):
@@ -58,7 +49,7 @@ def test_what_cannot_be_done_there_is_told_as_ever(monkeypatch):
         when h < 0 then reinit(v, -0.9*pre(v)); n = pre(n) + 1; end when;
         when n > 3 then reinit(y, 1); end when; end M;""")
     told = []
-    for along in (segments._Run._through_segments, lambda run, x: (x, False)):
+    for along in WAYS:
         monkeypatch.setattr(segments._Run, "_through_segments", along)
         with pytest.raises(lmoc.SimulationError, match="cannot be given a new value by reinit") as failed:
             dae.simulate(stop=5)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from oracles.in_c import both_ways
 
 import lmoc
-from lmoc.numerics.run import segments
 
 MODELS = Path(__file__).parents[3] / "models" / "laws"
 
@@ -38,16 +38,6 @@ def bits(run: lmoc.Run) -> tuple[object, ...]:
 )
 def test_bits_are_those_of_segments_one_by_one(name, options, monkeypatch):
     dae = lmoc.compile(MODELS / f"{name}.lmo")
-    passed, along = [], segments._Run._through_segments
-
-    def through(run, x):
-        before = len(run.segments)
-        found = along(run, x)
-        passed.append(len(run.segments) - before)
-        return found
-
-    monkeypatch.setattr(segments._Run, "_through_segments", through)
-    together = bits(dae.simulate(**options))
-    assert sum(passed) >= 1 and sum(passed) >= len(together[0]) - 3  # C has gone through nearly all of them
-    monkeypatch.setattr(segments._Run, "_through_segments", lambda run, x: (x, False))
-    assert bits(dae.simulate(**options)) == together
+    together, one_by_one, passed = both_ways(lambda: dae.simulate(**options), bits, monkeypatch)
+    assert passed >= 1 and passed >= len(together[0]) - 3  # C has gone through nearly all of them
+    assert one_by_one == together
